@@ -1,0 +1,23 @@
+"""The network's room: meshes, their topology, and the network trained on them.
+
+`import model` loads neither torch nor onnx. The torch layers live in `model.layers` and
+`model.network`, training in `model.training`; everything else is NumPy and numba and is what
+serving runs.
+
+Legend of dimension letters, used in every docstring of the project:
+
+    B   meshes in a batch
+    V   vertices
+    F   faces; F_l at pooling level l (F_0 of the prepared mesh), N the faces of a whole batch
+    H   half-edges, H = 3 F; half-edge h = 3 f + s is side s of face f
+    K   patch size, the face itself included
+    W   width of a pooling index: the most faces one pooled face gathers
+    T   pooling target, a face count
+    L   levels (blocks) of the network
+    D   descriptor terms, each a 3-vector
+    C   channels
+    N_c classes
+
+Face tables that are indexed by the network carry a null row: row 0 is zeros and face f is
+row f + 1. Index arrays into such tables are int32, with 0 for "no face there".
+"""

@@ -1,0 +1,77 @@
+"""The mesh value: vertices and triangles that are known to be sound."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from model.errors import UnusableMesh
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """An immutable triangle mesh; one that exists is valid.
+
+    vertices: V x 3 float64, finite, not all in one point.
+    faces: F x 3 int32, F >= 1, every entry in [0, V).
+
+    Raises UnusableMesh, naming the fault and its count, when the arrays are anything else.
+    """
+
+    vertices: NDArray[np.float64]
+    faces: NDArray[np.int32]
+
+    def __init__(self, vertices: ArrayLike, faces: ArrayLike) -> None:
+        vertex_array = np.array(vertices, dtype=np.float64, order="C")
+        face_array = np.asarray(faces)
+        _check(vertex_array, face_array)
+        face_array = np.array(face_array, dtype=np.int32, order="C")
+        vertex_array.setflags(write=False)
+        face_array.setflags(write=False)
+        object.__setattr__(self, "vertices", vertex_array)
+        object.__setattr__(self, "faces", face_array)
+
+    def moved(self, vertices: ArrayLike) -> "Mesh":
+        """The same triangles over other vertex positions (V x 3)."""
+        return Mesh(vertices, self.faces)
+
+
+def _check(vertices: NDArray, faces: NDArray) -> None:
+    if vertices.ndim != 2 or vertices.shape[1] != 3:
+        raise UnusableMesh(
+            "bad-vertices", f"vertices must be an array of V x 3 numbers, got {vertices.shape}"
+        )
+    if faces.size == 0:
+        raise UnusableMesh(
+            "no-faces",
+            f"the file holds no triangles ({len(vertices)} points): "
+            "point clouds, curves and empty scenes cannot be classified; export a surface mesh",
+        )
+    if faces.ndim != 2 or faces.shape[1] != 3 or not np.issubdtype(faces.dtype, np.integer):
+        raise UnusableMesh(
+            "bad-faces",
+            f"faces must be an array of F x 3 integers, got {faces.dtype} {faces.shape}",
+        )
+    outside = int(np.count_nonzero((faces < 0) | (faces >= len(vertices))))
+    if outside:
+        raise UnusableMesh(
+            "index-out-of-range",
+            f"{outside} of {faces.size} face corners name a vertex that does not exist "
+            f"(valid: 0 to {len(vertices) - 1}); the file is damaged or was written wrongly",
+        )
+    used = vertices[np.unique(faces)]
+    bad = int(np.count_nonzero(~np.isfinite(used).all(axis=1)))
+    if bad:
+        raise UnusableMesh(
+            "non-finite-vertices",
+            f"{bad} of {len(used)} vertices are NaN or infinite; repair the mesh and export again",
+        )
+    extent = np.ptp(used, axis=0)
+    if not np.isfinite(extent).all():
+        raise UnusableMesh(
+            "extent-overflow",
+            f"the mesh spans {used.min():.3g} to {used.max():.3g}, "
+            "more than a floating-point number can measure; scale it down",
+        )
+    if not extent.any():
+        raise UnusableMesh("zero-extent", f"all {len(used)} vertices lie in one point")
