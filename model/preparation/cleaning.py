@@ -1,0 +1,197 @@
+"""From triangles as found to an oriented manifold, possibly with borders.
+
+Each step takes and returns plain arrays, vertices V x 3 float64 in the unit box and faces F x 3
+int32, and a count of what it changed.
+
+Kernels call only kernels of their own file: numba's cache does not see a change elsewhere.
+"""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+# The welding grid divides each axis of the unit box into 2^21 steps, 5e-7 of the mesh's size:
+# coarser than the rounding of float32 coordinates, finer than any edge worth keeping. Three such
+# steps fit one 64-bit key.
+GRID_BITS = 21
+
+# A triangle is degenerate when twice its area is below this share of its longest edge squared:
+# the height is then lost in rounding, and with it the normal.
+FLATNESS = 1e-10
+
+# An open component is turned away from its own centre when the volume that it spans with that
+# centre is at least this share of area^1.5; a sheet flatter than that has no outside. (A closed
+# sphere has 0.094.)
+OPEN_VOLUME = 1e-3
+CLOSED_VOLUME = 1e-12
+
+
+def weld(
+    vertices: NDArray[np.float64], faces: NDArray[np.int32]
+) -> tuple[NDArray[np.float64], NDArray[np.int32], int]:
+    """Merge the vertices used by faces that fall on one grid point; drop unused ones.
+
+    Returns (vertices, faces, merged). The first of the merged vertices keeps its coordinates.
+    """
+    used, corners = np.unique(faces, return_inverse=True)
+    steps = np.rint(vertices[used] * ((1 << GRID_BITS) - 1)).astype(np.int64)
+    keys = (steps[:, 0] << (2 * GRID_BITS)) | (steps[:, 1] << GRID_BITS) | steps[:, 2]
+    _, first, merged_into = np.unique(keys, return_index=True, return_inverse=True)
+    # Number the merged vertices in their order in the file, not in that of the keys: a mesh
+    # that needs no welding keeps its numbering, and with it the order in which ties break.
+    order = np.argsort(first)
+    rank = np.empty_like(order)
+    rank[order] = np.arange(len(order))
+    welded = rank[merged_into][corners].reshape(faces.shape).astype(np.int32)
+    return vertices[used[first[order]]], welded, len(used) - len(first)
+
+
+def drop_degenerate(
+    vertices: NDArray[np.float64], faces: NDArray[np.int32]
+) -> tuple[NDArray[np.int32], int]:
+    """Drop faces that name a vertex twice or have no height. Returns (faces, dropped)."""
+    a, b, c = vertices[faces].transpose(1, 0, 2)
+    twice_area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    longest = np.max([np.sum((p - q) ** 2, axis=1) for p, q in ((a, b), (b, c), (c, a))], axis=0)
+    sound = faces[twice_area > FLATNESS * longest]
+    return sound, len(faces) - len(sound)
+
+
+def drop_duplicates(faces: NDArray[np.int32]) -> tuple[NDArray[np.int32], int]:
+    """Keep the first of the faces over the same three vertices. Returns (faces, dropped)."""
+    a, b, c = np.sort(faces, axis=1).T
+    order = np.lexsort((c, b, a))
+    same = np.zeros(len(faces), bool)
+    one, next_one = order[:-1], order[1:]
+    same[next_one] = (
+        (a[one] == a[next_one]) & (b[one] == b[next_one]) & (c[one] == c[next_one])
+    )
+    return faces[~same], int(same.sum())
+
+
+def split_vertices(
+    vertices: NDArray[np.float64], faces: NDArray[np.int32], twin: NDArray[np.int32]
+) -> tuple[NDArray[np.float64], NDArray[np.int32], int]:
+    """Give every fan of faces around a vertex a vertex of its own. Returns (.., .., copies).
+
+    twin: H int32, with non-manifold edges left unpaired. Surfaces that touch in a corner come
+    apart there; around a non-manifold edge every fan ends at that edge, so that afterwards no
+    edge has more than two faces.
+    """
+    fan = _glue_corners(faces, twin)
+    roots, first, corner_fan = np.unique(fan, return_index=True, return_inverse=True)
+    split_faces = corner_fan.reshape(faces.shape).astype(np.int32)
+    origin = faces.reshape(-1)[first]
+    return vertices[origin], split_faces, len(roots) - len(np.unique(origin))
+
+
+@njit(cache=True, nogil=True)
+def _glue_corners(faces: NDArray[np.int32], twin: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Root corner of every corner (H int32), joining corners at one vertex across twins."""
+    parent = np.arange(len(twin)).astype(np.int32)
+    for h in range(len(twin)):
+        t = twin[h]
+        if t < h:
+            continue
+        f, g = h // 3, t // 3
+        for corner in (h % 3, (h % 3 + 1) % 3):
+            for other in (t % 3, (t % 3 + 1) % 3):
+                if faces[f, corner] == faces[g, other]:
+                    a = _root(parent, 3 * f + corner)
+                    b = _root(parent, 3 * g + other)
+                    parent[max(a, b)] = min(a, b)
+    for corner in range(len(twin)):
+        parent[corner] = _root(parent, corner)
+    return parent
+
+
+@njit(cache=True, nogil=True)
+def _root(parent: NDArray[np.int32], node: int) -> int:
+    while parent[node] != node:
+        parent[node] = parent[parent[node]]
+        node = parent[node]
+    return node
+
+
+def wind_alike(
+    faces: NDArray[np.int32], twin: NDArray[np.int32]
+) -> tuple[NDArray[np.bool_], NDArray[np.int32]]:
+    """Which faces to turn so that all of a component run alike.
+
+    Returns (flip, twin): flip, F bool; twin, the half-edges with a cut along the line where a
+    one-sided surface (a Moebius strip) runs against itself.
+    """
+    component, flip, _ = _spread_orientation(faces, twin)
+    h = np.flatnonzero(twin >= 0)
+    f, g = h // 3, twin[h] // 3
+    # Two faces wound alike run along their shared edge in opposite directions.
+    opposed = faces[f, h % 3] == faces[g, twin[h] % 3]
+    cut = twin.copy()
+    cut[h[opposed ^ flip[f] ^ flip[g]]] = -1
+    return flip, cut
+
+
+@njit(cache=True, nogil=True)
+def _spread_orientation(
+    faces: NDArray[np.int32], twin: NDArray[np.int32]
+) -> tuple[NDArray[np.int32], NDArray[np.bool_], int]:
+    """Component of every face, whether it is wound against its first face, and their number."""
+    component = np.full(len(faces), -1, np.int32)
+    flip = np.zeros(len(faces), np.bool_)
+    queue = np.empty(len(faces), np.int32)
+    count = 0
+    for seed in range(len(faces)):
+        if component[seed] >= 0:
+            continue
+        component[seed] = count
+        queue[0] = seed
+        head, tail = 0, 1
+        while head < tail:
+            f = queue[head]
+            head += 1
+            for s in range(3):
+                t = twin[3 * f + s]
+                if t < 0 or component[t // 3] >= 0:
+                    continue
+                g = t // 3
+                component[g] = count
+                flip[g] = flip[f] ^ (faces[f, s] == faces[g, t % 3])
+                queue[tail] = g
+                tail += 1
+        count += 1
+    return component, flip, count
+
+
+def face_inward(
+    vertices: NDArray[np.float64],
+    faces: NDArray[np.int32],
+    twin: NDArray[np.int32],
+    flipped: NDArray[np.bool_],
+) -> tuple[NDArray[np.bool_], int]:
+    """Which faces of consistently wound components look inward: (F bool, components).
+
+    flipped: F bool, the faces already turned. A component that is too flat to have an outside
+    is turned back if most of its faces had been turned.
+    """
+    component, _, count = _spread_orientation(faces, twin)
+
+    def total(per_face: NDArray) -> NDArray[np.float64]:
+        return np.bincount(component, per_face, count)
+
+    corners = vertices[faces]
+    area_normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
+    face_areas = np.linalg.norm(area_normals, axis=1)
+    centroids = corners.mean(axis=1)
+    areas = total(face_areas)
+    centres = np.stack([total(face_areas * centroids[:, k]) / areas for k in range(3)], axis=1)
+    volumes = total(np.sum((centroids - centres[component]) * area_normals, axis=1)) / 3
+    borders = total((twin.reshape(-1, 3) < 0).sum(axis=1))
+    least = np.where(borders > 0, OPEN_VOLUME, CLOSED_VOLUME) * areas**1.5
+    mostly_flipped = total(flipped) > total(~flipped)
+    turn = np.where(np.abs(volumes) > least, volumes < 0, mostly_flipped)
+    return turn[component], count
+
+
+def turned(faces: NDArray[np.int32], which: NDArray[np.bool_]) -> NDArray[np.int32]:
+    """The faces with the winding of some (F bool) reversed."""
+    return np.where(which[:, None], faces[:, ::-1], faces)

@@ -1,0 +1,124 @@
+"""Bring a clean mesh to the face count that the network was trained on."""
+
+import heapq
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from model.topology.halfedges import find_twins
+
+
+def decimate(
+    vertices: NDArray[np.float64], faces: NDArray[np.int32], budget: int
+) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """Quadric edge collapse from above to `budget` faces, keeping components and borders.
+
+    The input is an edge-manifold without degenerate faces. The count can end above the budget
+    where every further collapse would change the topology. libigl holds the GIL throughout, so
+    calls from several threads run one after the other.
+    """
+    # libigl pulls in scipy: a mesh that fits its budget need not wait for that.
+    import igl
+
+    result = igl.qslim(np.asfortranarray(vertices), np.asfortranarray(faces), budget)
+    return np.ascontiguousarray(result[0]), np.ascontiguousarray(result[1], dtype=np.int32)
+
+
+def subdivide(
+    vertices: NDArray[np.float64], faces: NDArray[np.int32], budget: int
+) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """Split longest edges at their middle, from below, to `budget` faces or one less.
+
+    The surface stays where it is. An inner edge splits two faces, a border edge one.
+    """
+    twin, _, _ = find_twins(faces, len(vertices))
+    room = budget - len(faces)
+    split_vertices = np.concatenate([vertices, np.empty((room, 3))])
+    split_faces = np.concatenate([faces, np.empty((room, 3), np.int32)])
+    split_twin = np.concatenate([twin, np.full(3 * room, -1, np.int32)])
+    vertex_count, face_count = _bisect(
+        split_vertices, split_faces, split_twin, len(vertices), len(faces)
+    )
+    return split_vertices[:vertex_count], split_faces[:face_count]
+
+
+@njit(cache=True, nogil=True)
+def _bisect(
+    vertices: NDArray[np.float64],
+    faces: NDArray[np.int32],
+    twin: NDArray[np.int32],
+    vertex_count: int,
+    face_count: int,
+) -> tuple[int, int]:
+    """Bisect longest edges in place while an inner edge's two new faces have room.
+
+    Returns the new (vertex_count, face_count); rows behind them are unused.
+    """
+    heap = [(-_length(vertices, faces, h), h) for h in range(3 * face_count)]
+    heapq.heapify(heap)
+    while face_count + 2 <= len(faces):
+        negative_length, h = heapq.heappop(heap)
+        if -negative_length != _length(vertices, faces, h):
+            continue  # this side has been split since it was queued
+        t = twin[h]
+        start, end = faces[h // 3, h % 3], faces[h // 3, (h % 3 + 1) % 3]
+        middle = vertex_count
+        vertices[middle] = (vertices[start] + vertices[end]) / 2
+        vertex_count += 1
+        far = _split_face(vertices, faces, twin, h, middle, face_count, heap)
+        face_count += 1
+        if t >= 0:
+            alike = faces[t // 3, t % 3] == start
+            far_twin = _split_face(vertices, faces, twin, t, middle, face_count, heap)
+            face_count += 1
+            _pair(twin, h, t if alike else far_twin)
+            _pair(twin, far, far_twin if alike else t)
+    return vertex_count, face_count
+
+
+@njit(cache=True, nogil=True)
+def _split_face(
+    vertices: NDArray[np.float64],
+    faces: NDArray[np.int32],
+    twin: NDArray[np.int32],
+    h: int,
+    middle: int,
+    new: int,
+    heap: list,
+) -> int:
+    """Cut h's face from the middle of h to the corner across; the far half is face `new`.
+
+    h keeps the near half of the edge; returns the half-edge of the far one. Neither has a twin
+    yet. Queues the sides of both faces.
+    """
+    f, s = h // 3, h % 3
+    after, before = (s + 1) % 3, (s + 2) % 3
+    faces[new, 0] = middle
+    faces[new, 1] = faces[f, after]
+    faces[new, 2] = faces[f, before]
+    faces[f, after] = middle
+    _pair(twin, 3 * new + 1, twin[3 * f + after])
+    _pair(twin, 3 * new + 2, 3 * f + after)
+    twin[h] = -1
+    for side in range(3):
+        heapq.heappush(heap, (-_length(vertices, faces, 3 * f + side), 3 * f + side))
+        heapq.heappush(heap, (-_length(vertices, faces, 3 * new + side), 3 * new + side))
+    return 3 * new
+
+
+@njit(cache=True, nogil=True)
+def _pair(twin: NDArray[np.int32], h: int, other: int) -> None:
+    twin[h] = other
+    if other >= 0:
+        twin[other] = h
+
+
+@njit(cache=True, nogil=True)
+def _length(vertices: NDArray[np.float64], faces: NDArray[np.int32], h: int) -> float:
+    """Squared length of a half-edge."""
+    a, b = faces[h // 3, h % 3], faces[h // 3, (h % 3 + 1) % 3]
+    square = 0.0
+    for k in range(3):
+        square += (vertices[a, k] - vertices[b, k]) ** 2
+    return square

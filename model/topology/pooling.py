@@ -1,0 +1,341 @@
+"""Pooling by face collapse on half-edges (paper, section III.C).
+
+Collapsing face f removes f and its neighbours. Every removed neighbour *bridges* its two outer
+sides: whoever looks in through one looks out through the other, through several neighbours in a
+row where they touch. Two faces that share two sides afterwards are a *flap* of no volume; both
+go, and the faces behind their third sides become twins.
+
+A pass walks the faces by ascending weight (equation 5) and collapses each one whose region, the
+face, its neighbours and the faces across their outer sides, is still untouched in this pass.
+Regions of one pass are disjoint, so that collapsing them one after the other equals collapsing
+them at once, and the living faces can be counted exactly, flaps included, while selecting.
+
+A collapse is undone when it would empty its component or fall more than SLACK below the target.
+Passes repeat until the target is met or a pass removes nothing.
+"""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+# A collapse without flaps removes four faces: from one above the target it lands three below.
+SLACK = 3
+
+
+@njit(cache=True, nogil=True)
+def pool_faces(
+    twin: NDArray[np.int32], features: NDArray, target: int
+) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]:
+    """Collapse faces until `target` are left, or as few as the surface allows.
+
+    twin: H int32, symmetric; no face is its own neighbour, no two faces share two sides.
+    features: F x C floats, what equation 5 compares.
+    Returns (kept, pooled_twin, index): kept, F' int32, the surviving faces in ascending order;
+    pooled_twin, 3 F' int32, their twins; index, F' x W int32 of face + 1, null-padded: the faces
+    whose mean a survivor becomes, itself first, then the removed faces that touched it. Over
+    several passes that is the union of what each pass gathers.
+    """
+    faces = len(twin) // 3
+    twin = twin.copy()
+    alive = np.ones(faces, np.bool_)
+    offsets = np.arange(faces + 1)
+    members = np.arange(faces).astype(np.int32)
+    living = faces
+    while living > target:
+        weights = _weigh(twin, _average(features, offsets, members), alive)
+        order = np.argsort(weights, kind="mergesort")[:living]
+        touched, removed = _collapse_pass(twin, alive, order, living, target)
+        if removed == 0:
+            break
+        living -= removed
+        offsets, members = _gather_members(alive, touched, offsets, members)
+    return _compact(twin, alive, living, offsets, members)
+
+
+@njit(cache=True, nogil=True)
+def _average(
+    features: NDArray, offsets: NDArray[np.int64], members: NDArray[np.int32]
+) -> NDArray[np.float64]:
+    means = np.zeros(features.shape)
+    for f in range(len(features)):
+        size = offsets[f + 1] - offsets[f]
+        for m in members[offsets[f] : offsets[f + 1]]:
+            for c in range(features.shape[1]):
+                means[f, c] += features[m, c] / size
+    return means
+
+
+@njit(cache=True, nogil=True)
+def _weigh(
+    twin: NDArray[np.int32], features: NDArray[np.float64], alive: NDArray[np.bool_]
+) -> NDArray[np.float64]:
+    """Equation 5: squared feature distance to the three neighbours, infinite for dead faces.
+
+    A missing neighbour counts as the mean of those that are there, so that a border is neither
+    eroded first nor kept for longest.
+    """
+    weights = np.full(len(features), np.inf)
+    for f in range(len(features)):
+        if not alive[f]:
+            continue
+        total = 0.0
+        present = 0
+        for h in range(3 * f, 3 * f + 3):
+            if twin[h] < 0:
+                continue
+            present += 1
+            neighbour = twin[h] // 3
+            for c in range(features.shape[1]):
+                total += (features[f, c] - features[neighbour, c]) ** 2
+        weights[f] = total * 3 / max(present, 1)
+    return weights
+
+
+@njit(cache=True, nogil=True)
+def _collapse_pass(
+    twin: NDArray[np.int32],
+    alive: NDArray[np.bool_],
+    order: NDArray[np.int64],
+    living: int,
+    target: int,
+) -> tuple[NDArray[np.int32], int]:
+    """Collapse every free region in `order` until `target`; updates twin and alive.
+
+    Returns (touched, removed): touched, F x 3 int32, the removed faces that lay behind each side
+    of a survivor, or -1; removed, how many faces this pass removed.
+    """
+    faces = len(alive)
+    taken = np.zeros(faces, np.bool_)
+    touched = np.full((faces, 3), -1, np.int32)
+    removed = np.empty(4, np.int32)
+    # What an attempt changed, to undo it: half-edges with their old twins, and faces killed.
+    changed = np.empty(faces + 16, np.int32)
+    old_twin = np.empty(faces + 16, np.int32)
+    killed = np.empty(faces + 16, np.int32)
+    total = 0
+    for f in order:
+        if living - total <= target:
+            break
+        removed_count = _free_region(f, twin, taken, removed)
+        if removed_count == 0:
+            continue
+        bridged = _bridge(twin, removed[:removed_count], changed, old_twin)
+        killed[:removed_count] = removed[:removed_count]
+        for r in removed[:removed_count]:
+            alive[r] = False
+        changed_count, killed_count, emptied = _remove_flaps(
+            twin, alive, changed, old_twin, bridged, killed, removed_count
+        )
+        if emptied or living - total - killed_count < target - SLACK:
+            for i in range(changed_count - 1, -1, -1):
+                twin[changed[i]] = old_twin[i]
+            alive[killed[:killed_count]] = True
+            continue
+        total += killed_count
+        for i in range(bridged):
+            touched[changed[i] // 3, changed[i] % 3] = old_twin[i] // 3
+        for h in changed[:changed_count]:
+            taken[h // 3] = True
+        taken[killed[:killed_count]] = True
+    return touched, total
+
+
+@njit(cache=True, nogil=True)
+def _free_region(
+    f: int, twin: NDArray[np.int32], taken: NDArray[np.bool_], removed: NDArray[np.int32]
+) -> int:
+    """Fill `removed` with f and its neighbours; 0 if the region is taken or has no survivor."""
+    if taken[f]:
+        return 0
+    removed[0] = f
+    count = 1
+    for h in range(3 * f, 3 * f + 3):
+        if twin[h] >= 0:
+            removed[count] = twin[h] // 3
+            count += 1
+    survivors = 0
+    for o in removed[1:count]:
+        if taken[o]:
+            return 0
+        for h in range(3 * o, 3 * o + 3):
+            across = twin[h] // 3
+            if across >= 0 and not _contains(removed[:count], across):
+                if taken[across]:
+                    return 0
+                survivors += 1
+    return count if survivors else 0
+
+
+@njit(cache=True, nogil=True)
+def _contains(values: NDArray[np.int32], value: int) -> bool:
+    for v in values:
+        if v == value:
+            return True
+    return False
+
+
+@njit(cache=True, nogil=True)
+def _bridge(
+    twin: NDArray[np.int32],
+    removed: NDArray[np.int32],
+    changed: NDArray[np.int32],
+    old_twin: NDArray[np.int32],
+) -> int:
+    """Re-twin the survivors around `removed` through the faces that go; log the changes."""
+    centre = removed[0]
+    count = 0
+    for o in removed[1:]:
+        for h in range(3 * o, 3 * o + 3):
+            outside = twin[h]
+            if outside >= 0 and not _contains(removed, outside // 3):
+                changed[count] = outside
+                old_twin[count] = h
+                count += 1
+    for i in range(count):
+        exit_side = _other_outer_side(twin, old_twin[i], centre)
+        while twin[exit_side] >= 0 and _contains(removed, twin[exit_side] // 3):
+            exit_side = _other_outer_side(twin, twin[exit_side], centre)
+        end = twin[exit_side]
+        twin[changed[i]] = -1 if end // 3 == changed[i] // 3 else end
+    return count
+
+
+@njit(cache=True, nogil=True)
+def _other_outer_side(twin: NDArray[np.int32], h: int, centre: int) -> int:
+    """The side of h's face that is neither h nor the one towards the collapsed centre."""
+    first = 3 * (h // 3)
+    for candidate in range(first, first + 3):
+        if candidate != h and twin[candidate] // 3 != centre:
+            return candidate
+    return -1
+
+
+@njit(cache=True, nogil=True)
+def _remove_flaps(
+    twin: NDArray[np.int32],
+    alive: NDArray[np.bool_],
+    changed: NDArray[np.int32],
+    old_twin: NDArray[np.int32],
+    changed_count: int,
+    killed: NDArray[np.int32],
+    killed_count: int,
+) -> tuple[int, int, bool]:
+    """Remove flaps among the faces whose twins changed, and those that this makes, in turn.
+
+    Extends the log of changes. Returns (changed_count, killed_count, emptied); emptied says that
+    a flap has nothing behind it: its component would be gone.
+    """
+    next_change = 0
+    while next_change < changed_count:
+        g = changed[next_change] // 3
+        next_change += 1
+        if not alive[g]:
+            continue
+        partner, third = _flap_partner(twin, g)
+        if partner < 0:
+            continue
+        _, partner_third = _flap_partner(twin, partner)
+        if third < 0 or (twin[third] < 0 and twin[partner_third] < 0):
+            return changed_count, killed_count, True
+        behind, behind_partner = twin[third], twin[partner_third]
+        alive[g] = False
+        alive[partner] = False
+        killed[killed_count] = g
+        killed[killed_count + 1] = partner
+        killed_count += 2
+        # A face behind both third sides would become its own twin: it gets borders instead.
+        same_face = behind // 3 == behind_partner // 3
+        for h, new in ((behind, behind_partner), (behind_partner, behind)):
+            if h >= 0:
+                changed[changed_count] = h
+                old_twin[changed_count] = twin[h]
+                changed_count += 1
+                twin[h] = -1 if same_face else new
+    return changed_count, killed_count, False
+
+
+@njit(cache=True, nogil=True)
+def _flap_partner(twin: NDArray[np.int32], g: int) -> tuple[int, int]:
+    """(face that shares two sides with g, g's third half-edge).
+
+    (-1, -1) if there is none; the half-edge is -1 where all three sides are shared.
+    """
+    a, b, c = twin[3 * g] // 3, twin[3 * g + 1] // 3, twin[3 * g + 2] // 3
+    if a >= 0 and a == b and b == c:
+        return a, -1
+    if a >= 0 and a == b:
+        return a, 3 * g + 2
+    if b >= 0 and b == c:
+        return b, 3 * g
+    if c >= 0 and c == a:
+        return c, 3 * g + 1
+    return -1, -1
+
+
+@njit(cache=True, nogil=True)
+def _gather_members(
+    alive: NDArray[np.bool_],
+    touched: NDArray[np.int32],
+    offsets: NDArray[np.int64],
+    members: NDArray[np.int32],
+) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+    """Union of each survivor's members with those of the removed faces that it touched."""
+    faces = len(alive)
+    bound = 0
+    for f in range(faces):
+        if alive[f]:
+            bound += offsets[f + 1] - offsets[f]
+            for o in touched[f]:
+                if o >= 0:
+                    bound += offsets[o + 1] - offsets[o]
+    new_offsets = np.empty(faces + 1, np.int64)
+    new_members = np.empty(bound, np.int32)
+    listed_by = np.full(faces, -1, np.int32)
+    count = 0
+    for f in range(faces):
+        new_offsets[f] = count
+        if not alive[f]:
+            continue
+        for slot in range(4):
+            source = f if slot == 0 else touched[f, slot - 1]
+            if source < 0:
+                continue
+            for m in members[offsets[source] : offsets[source + 1]]:
+                if listed_by[m] != f:
+                    listed_by[m] = f
+                    new_members[count] = m
+                    count += 1
+    new_offsets[faces] = count
+    return new_offsets, new_members[:count]
+
+
+@njit(cache=True, nogil=True)
+def _compact(
+    twin: NDArray[np.int32],
+    alive: NDArray[np.bool_],
+    living: int,
+    offsets: NDArray[np.int64],
+    members: NDArray[np.int32],
+) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]:
+    """Number the survivors 0 to F' - 1 and pad their member lists to one width."""
+    kept = np.empty(living, np.int32)
+    number = np.full(len(alive), -1, np.int32)
+    width = 1
+    count = 0
+    for f in range(len(alive)):
+        if alive[f]:
+            kept[count] = f
+            number[f] = count
+            count += 1
+            width = max(width, offsets[f + 1] - offsets[f])
+    pooled_twin = np.full(3 * living, -1, np.int32)
+    index = np.zeros((living, width), np.int32)
+    for row in range(living):
+        f = kept[row]
+        for s in range(3):
+            t = twin[3 * f + s]
+            if t >= 0:
+                pooled_twin[3 * row + s] = 3 * number[t // 3] + t % 3
+        for column in range(offsets[f + 1] - offsets[f]):
+            index[row, column] = members[offsets[f] + column] + 1
+    return kept, pooled_twin, index

@@ -1,0 +1,53 @@
+"""From the half-edges of one mesh to every index the network gathers with."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.mesh import Mesh
+from model.topology.halfedges import edge_lengths, find_twins, sort_adjacency
+from model.topology.patches import grow_patches
+from model.topology.pooling import pool_faces
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """How the faces of one pooling level hang together.
+
+    twin: H int32, the half-edge across each edge or -1. lengths: H float64, in mesh units; a
+    pooled face keeps the side lengths that it had in the prepared mesh.
+    """
+
+    twin: NDArray[np.int32]
+    lengths: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, mesh: Mesh) -> "Surface":
+        """The surface of a mesh whose faces are neither degenerate nor duplicate."""
+        twin, _, _ = find_twins(mesh.faces, len(mesh.vertices))
+        return cls(twin, edge_lengths(mesh.vertices, mesh.faces))
+
+    @property
+    def face_count(self) -> int:
+        return len(self.twin) // 3
+
+    def patches(self, patch_size: int) -> NDArray[np.int32]:
+        """F x K int32 of face + 1; see `grow_patches`."""
+        return grow_patches(sort_adjacency(self.twin, self.lengths), patch_size)
+
+    def pool(self, features: NDArray, target: int) -> tuple["Surface", NDArray[np.int32]]:
+        """Collapse to `target` faces by the features (F x C) that enter this pooling.
+
+        Returns the pooled surface and its index, F' x W int32 of face + 1; see `pool_faces`.
+        This is the seam between the two readings of equation 5: the caller says which features.
+        """
+        kept, twin, index = pool_faces(self.twin, features, target)
+        return Surface(twin, self.lengths.reshape(-1, 3)[kept].reshape(-1)), index
+
+
+def gather_mean(features: NDArray, index: NDArray[np.int32]) -> NDArray:
+    """Mean of the rows that each row of a null-padded index (F' x W) names: F' x C."""
+    present = index > 0
+    gathered = features[np.maximum(index, 1) - 1] * present[..., None]
+    return gathered.sum(axis=1) / present.sum(axis=1, keepdims=True)
