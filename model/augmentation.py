@@ -1,0 +1,50 @@
+"""Training copies of a mesh that move its vertices and leave its topology valid."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from model.datasets import LabelledMesh
+from model.descriptors import descriptor_terms
+from model.inputs import MeshInputs
+from model.preparation import into_unit_sphere
+
+
+@dataclass(frozen=True)
+class Augmentation:
+    """How far copies differ from their mesh.
+
+    rotate: turn by a random rotation; a class does not depend on how its mesh was laid down.
+    scale: stretch each axis by a random factor in 1 - scale to 1 + scale, after the rotation, so
+    in any direction of the mesh. jitter: standard deviation of vertex noise, in radii of the
+    unit sphere.
+    """
+
+    rotate: bool = True
+    scale: float = 0.15
+    jitter: float = 0.002
+
+    def apply(
+        self, sample: LabelledMesh, absolute_offsets: bool, rng: np.random.Generator
+    ) -> MeshInputs:
+        """A moved copy as network inputs: new descriptor terms over the same topology."""
+        vertices = sample.mesh.vertices
+        if self.rotate:
+            vertices = vertices @ random_rotation(rng).T
+        vertices = vertices * rng.uniform(1 - self.scale, 1 + self.scale, 3)
+        vertices = vertices + rng.normal(0.0, self.jitter, vertices.shape)
+        vertices = into_unit_sphere(vertices, sample.mesh.faces)
+        terms = descriptor_terms(vertices, sample.mesh.faces, sample.twin, absolute_offsets)
+        return MeshInputs(terms, sample.inputs.topology)
+
+
+def random_rotation(rng: np.random.Generator) -> np.ndarray:
+    """A uniformly random rotation matrix, 3 x 3, from a random unit quaternion."""
+    w, x, y, z = (q := rng.normal(size=4)) / np.linalg.norm(q)
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )

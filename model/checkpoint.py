@@ -1,0 +1,76 @@
+"""Checkpoints: weights as safetensors, with the configuration in their metadata. No pickle."""
+
+import json
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import torch
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save_file
+
+from model.config import NetworkConfig
+from model.network import Network
+
+FORMAT_VERSION = 1
+
+
+class CheckpointError(ValueError):
+    """A file that is not a checkpoint of this project, or is damaged, or is of a newer version."""
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """A network with what is known of its training: data, protocol, accuracy, seeds."""
+
+    network: Network
+    training: dict[str, Any] = field(default_factory=dict)
+
+
+def save_checkpoint(checkpoint: Checkpoint, path: Path) -> None:
+    """Write atomically: a kill leaves the old file or the new one."""
+    metadata = {
+        "format_version": str(FORMAT_VERSION),
+        "config": checkpoint.network.config.to_json(),
+        "training": json.dumps(checkpoint.training),
+    }
+    save_tensors(checkpoint.network.state_dict(), metadata, path)
+
+
+def load_checkpoint(path: Path) -> Checkpoint:
+    """The network, in evaluation mode, on the CPU. Raises CheckpointError, FileNotFoundError."""
+    tensors, metadata = load_tensors(path)
+    try:
+        version = int(metadata["format_version"])
+        if version > FORMAT_VERSION:
+            raise CheckpointError(
+                f"{path} has checkpoint format {version}, this version reads up to "
+                f"{FORMAT_VERSION}: upgrade meshconv3d"
+            )
+        network = Network(NetworkConfig.from_json(metadata["config"]))
+        network.load_state_dict(tensors)
+        training = json.loads(metadata["training"])
+    except CheckpointError:
+        raise
+    except (KeyError, ValueError, RuntimeError) as error:
+        raise CheckpointError(f"{path} is not a meshconv3d checkpoint: {error}") from None
+    return Checkpoint(network.eval(), training)
+
+
+def save_tensors(tensors: dict[str, torch.Tensor], metadata: dict[str, str], path: Path) -> None:
+    """Write a safetensors file atomically."""
+    partial = path.with_name(path.name + ".partial")
+    save_file({k: v.contiguous() for k, v in tensors.items()}, partial, metadata)
+    os.replace(partial, path)
+
+
+def load_tensors(path: Path) -> tuple[dict[str, torch.Tensor], dict[str, str]]:
+    """All tensors and the metadata of a safetensors file. Raises CheckpointError."""
+    if not path.is_file():
+        raise FileNotFoundError(f"no such checkpoint: {path}")
+    try:
+        with safe_open(path, framework="pt") as file:
+            return {name: file.get_tensor(name) for name in file.keys()}, file.metadata() or {}
+    except SafetensorError as error:
+        raise CheckpointError(f"{path} is not a safetensors file: {error}") from None

@@ -1,0 +1,125 @@
+"""Labelled meshes from folders, prepared once and kept with their topology."""
+
+import csv
+import logging
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.config import NetworkConfig
+from model.errors import MeshError
+from model.inputs import MeshInputs, mesh_inputs
+from model.loading import FORMATS, load_mesh
+from model.mesh import Mesh
+from model.preparation import prepare
+from model.topology import Surface
+
+SPLITS = ("train", "val", "test")
+
+log = logging.getLogger(__name__)
+
+
+class DatasetError(ValueError):
+    """A folder that is not laid out as a data set, or a split file that does not fit it."""
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One file of a data set: its path, class name and split ("train", "val" or "test")."""
+
+    path: Path
+    label: str
+    split: str
+
+
+def find_samples(root: Path, split_file: Path | None = None) -> list[Sample]:
+    """List a data set, sorted by path.
+
+    Without a split file the layout is root/class/split/file, as in SHREC11 and ManifoldNet.
+    With one, it is root/class/file, and the file is a CSV table with the columns class, file and
+    split; files that it does not name are left out, and a file may also lie in
+    root/class/split/. Raises DatasetError saying what was expected and what was found.
+    """
+    if not root.is_dir():
+        raise DatasetError(f"{root} is not a folder")
+    samples = _from_table(root, split_file) if split_file else _from_folders(root)
+    if not any(sample.split == "train" for sample in samples):
+        raise DatasetError(
+            f"no training meshes under {root}: expected {root}/CLASS/train/*.obj (or another mesh "
+            "format), or a split file with the columns class,file,split"
+        )
+    return sorted(samples, key=lambda sample: str(sample.path))
+
+
+def _from_folders(root: Path) -> list[Sample]:
+    return [
+        Sample(path, path.parts[-3], path.parts[-2])
+        for path in root.glob("*/*/*")
+        if path.parts[-2] in SPLITS and path.suffix.lower().lstrip(".") in FORMATS
+    ]
+
+
+def _from_table(root: Path, split_file: Path) -> list[Sample]:
+    samples = []
+    with split_file.open(newline="", encoding="utf-8") as lines:
+        table = csv.DictReader(lines)
+        if not {"class", "file", "split"} <= set(table.fieldnames or ()):
+            raise DatasetError(f"{split_file} lacks the columns class,file,split")
+        for row in table:
+            label, name, split = row["class"], row["file"], row["split"]
+            if split not in SPLITS:
+                raise DatasetError(f"{split_file}: {name} has split {split!r}, not {SPLITS}")
+            candidates = [root / label / name, *(root / label / s / name for s in SPLITS)]
+            path = next((path for path in candidates if path.is_file()), None)
+            if path is None:
+                raise DatasetError(f"{split_file} names {label}/{name}, which is not under {root}")
+            samples.append(Sample(path, label, split))
+    return samples
+
+
+def class_names(samples: Iterable[Sample]) -> tuple[str, ...]:
+    """The classes of a data set, sorted."""
+    return tuple(sorted({sample.label for sample in samples}))
+
+
+@dataclass(frozen=True, eq=False)
+class LabelledMesh:
+    """A prepared mesh with its class index; surface and inputs are computed once."""
+
+    mesh: Mesh
+    twin: NDArray[np.int32]
+    inputs: MeshInputs
+    label: int
+
+
+def load_samples(
+    samples: Sequence[Sample],
+    config: NetworkConfig,
+    progress: Callable[[Sequence[Sample]], Iterable[Sample]] = iter,
+) -> tuple[list[LabelledMesh], int]:
+    """Read, prepare and build the topology of every sample: (meshes, refused).
+
+    A file that cannot be used is logged with its reason and counted in `refused`; whoever
+    measures accuracy counts it as wrong.
+    """
+    meshes: list[LabelledMesh] = []
+    refused = 0
+    for sample in progress(samples):
+        try:
+            mesh, _ = prepare(load_mesh(sample.path), config.face_budget)
+        except MeshError as error:
+            log.warning("%s is left out: %s", sample.path, error)
+            refused += 1
+            continue
+        meshes.append(
+            LabelledMesh(
+                mesh,
+                Surface.of(mesh).twin,
+                mesh_inputs(mesh, config),
+                config.classes.index(sample.label),
+            )
+        )
+    return meshes, refused

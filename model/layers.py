@@ -1,0 +1,72 @@
+"""The learned parts of MeshConv3D (paper, section III). Letters: see `model`."""
+
+import torch
+from torch import Tensor, nn
+
+
+def gather_rows(features: Tensor, index: Tensor) -> Tensor:
+    """Rows of a feature table by face + 1; 0, the null face, reads zeros.
+
+    features: N x C. index: M x W. Returns M x W x C. The one place that knows the null row.
+    """
+    table = torch.cat([features.new_zeros(1, features.shape[1]), features])
+    rows = table.index_select(0, index.reshape(-1))
+    return rows.reshape(index.shape[0], index.shape[1], features.shape[1])
+
+
+def count_present(index: Tensor, features: Tensor) -> Tensor:
+    """How many entries of each row of an index (M x W) are faces: M x 1, at least 1."""
+    return (index > 0).to(features.dtype).sum(dim=1, keepdim=True).clamp(min=1)
+
+
+def gather_mean(features: Tensor, index: Tensor) -> Tensor:
+    """Mean over the faces that each row of the index names. N x C, M x W -> M x C."""
+    return gather_rows(features, index).sum(dim=1) / count_present(index, features)
+
+
+class Descriptor(nn.Sequential):
+    """Two linear layers over a face's listed 3-vectors (equations 1 and 2). N x 3 D -> N x C.
+
+    The weights alpha, beta of the paper are matrices 3 -> C, one for each term, which together
+    are one matrix over all terms.
+    """
+
+    def __init__(self, terms: int, hidden: int, channels: int) -> None:
+        super().__init__(
+            nn.Linear(3 * terms, hidden, bias=False),
+            nn.BatchNorm1d(hidden),
+            nn.ReLU(),
+            nn.Linear(hidden, channels, bias=False),
+            nn.BatchNorm1d(channels),
+            nn.ReLU(),
+        )
+
+
+class PatchConvolution(nn.Module):
+    """Equation 4 with BatchNorm and ReLU: N x C_in, N x K -> N x C_out.
+
+    Centre, mean over the patch, and mean absolute difference over the patch; a matrix each,
+    stacked into one. The sums of the paper are means over the faces that are there: for a full
+    patch a constant that BatchNorm absorbs, and a short patch (a component of fewer than K
+    faces) keeps its scale. A missing face adds nothing to either. The centre itself is left out
+    of the patch: its share is in the first matrix already.
+    """
+
+    def __init__(self, channels_in: int, channels_out: int) -> None:
+        super().__init__()
+        self.linear = nn.Linear(3 * channels_in, channels_out, bias=False)
+        self.norm = nn.BatchNorm1d(channels_out)
+
+    def forward(self, features: Tensor, patches: Tensor) -> Tensor:
+        return torch.relu(self.norm(self.linear(patch_statistics(features, patches[:, 1:]))))
+
+
+def patch_statistics(features: Tensor, neighbours: Tensor) -> Tensor:
+    """(centre, mean, mean absolute difference): N x C, N x (K - 1) -> N x 3 C."""
+    present = count_present(neighbours, features)
+    rows = gather_rows(features, neighbours)  # N x (K - 1) x C
+    differences = (rows - features[:, None]).abs().sum(dim=1)
+    # A null row reads zeros, so that each missing face has added |centre|: take that off again.
+    missing = (neighbours == 0).to(features.dtype).sum(dim=1, keepdim=True)
+    differences = differences - missing * features.abs()
+    return torch.cat([features, rows.sum(dim=1) / present, differences / present], dim=1)
