@@ -14,7 +14,7 @@ from model.preparation.report import MeshReport
 from model.preparation.resampling import decimate, subdivide
 from model.topology.halfedges import find_twins
 
-__all__ = ["MeshReport", "prepare"]
+__all__ = ["MeshReport", "into_unit_sphere", "prepare", "surface_area"]
 
 # Simplification that changes the area by more than this has destroyed the shape (crumpled it, or
 # swallowed its thin parts): no class can be read from what is left.
@@ -74,7 +74,7 @@ def prepare(mesh: Mesh, face_budget: int) -> tuple[Mesh, MeshReport]:
         resampled=resampled,
         area_kept=round(area_kept, 4),
     )
-    return Mesh(_into_unit_sphere(vertices, faces), faces), report
+    return Mesh(into_unit_sphere(vertices, faces), faces), report
 
 
 def _resample(vertices, faces, budget):
@@ -92,7 +92,7 @@ def surface_area(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> flo
     return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
 
 
-def _into_unit_sphere(
+def into_unit_sphere(
     vertices: NDArray[np.float64], faces: NDArray[np.int32]
 ) -> NDArray[np.float64]:
     """Centre the surface's centroid on the origin and the farthest vertex on the unit sphere.
