@@ -1,0 +1,80 @@
+"""STL, binary and ASCII."""
+
+import re
+
+import numpy as np
+
+from model.errors import MalformedFile
+from model.loading.text import plain_text, points
+from model.loading.triangles import Triangles
+
+_HEADER = 84  # bytes: 80 of any content, then the count of triangles
+_RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+
+_VERTEX = re.compile(rb"^[ \t]*vertex[ \t]+(.*)$", re.MULTILINE | re.IGNORECASE)
+_FACET = re.compile(rb"^[ \t]*facet\b", re.MULTILINE | re.IGNORECASE)
+_END = re.compile(rb"^[ \t]*end[ \t]?solid\b", re.MULTILINE | re.IGNORECASE)
+
+
+def is_exact_binary(data: bytes) -> bool:
+    """Whether the count in the header fits the length to the byte, as only binary STL does."""
+    return len(data) >= _HEADER and _declared_length(data) == len(data)
+
+
+def read_stl(data: bytes) -> Triangles:
+    """The triangles of an STL file, three vertices of their own each. Raises MalformedFile."""
+    # "solid" at the start says nothing, many binary files have it. The count does: as text, its
+    # four bytes would declare a file of more than seven gigabytes.
+    if len(data) >= _HEADER and _declared_length(data) <= len(data):
+        return _read_binary(data)
+    if _is_text(data):
+        return _read_ascii(data)
+    if len(data) < _HEADER:
+        raise MalformedFile(
+            "truncated",
+            f"the file has {len(data)} bytes, but a binary STL has at least {_HEADER}; "
+            "it is cut off, export or upload it again",
+        )
+    raise MalformedFile(
+        "truncated",
+        f"the header declares {_declared_count(data)} triangles, which is "
+        f"{_declared_length(data)} bytes, but the file has {len(data)}; "
+        "it is cut off, export or upload it again",
+    )
+
+
+def _read_binary(data: bytes) -> Triangles:
+    count = _declared_count(data)
+    records = np.frombuffer(data, dtype=_RECORD, count=count, offset=_HEADER)
+    vertices = records["corners"].reshape(-1, 3).astype(np.float64)
+    return vertices, np.arange(3 * count).reshape(-1, 3)
+
+
+def _read_ascii(data: bytes) -> Triangles:
+    text = plain_text(data)
+    vertices = points(_VERTEX.findall(text), "vertex line")
+    facets = len(_FACET.findall(text))
+    if not _END.search(text):
+        raise MalformedFile(
+            "truncated", "the text ends without 'endsolid'; it is cut off, export it again"
+        )
+    if len(vertices) != 3 * facets:
+        raise MalformedFile(
+            "bad-face",
+            f"{facets} facets must have {3 * facets} vertices, but there are {len(vertices)}; "
+            "the file is damaged or was written wrongly, export it again",
+        )
+    return vertices, np.arange(len(vertices)).reshape(-1, 3)
+
+
+def _declared_count(data: bytes) -> int:
+    return int.from_bytes(data[80:84], "little")
+
+
+def _declared_length(data: bytes) -> int:
+    return _HEADER + _RECORD.itemsize * _declared_count(data)
+
+
+def _is_text(data: bytes) -> bool:
+    start = data[:1024]
+    return b"solid" in start.lower() and b"\0" not in start.rstrip(b"\0")
