@@ -154,19 +154,21 @@ def _rewrite(meshes: dict[Key, Any], placed: list[tuple[Key, NDArray]]) -> bytes
     """A package with these meshes in one part, numbered in order, and nothing else."""
     from lxml import etree
 
-    model = etree.Element(f"{{{_CORE}}}model", nsmap={None: _CORE})
-    resources = etree.SubElement(model, f"{{{_CORE}}}resources")
-    build = etree.SubElement(model, f"{{{_CORE}}}build")
-    numbers = {key: str(number) for number, key in enumerate(meshes, start=1)}
+    numbers = {key: number for number, key in enumerate(meshes, start=1)}
+    # Joined as text, since lxml takes quadratic time to move a large element to another document.
+    # Without names, since trimesh merges objects by them.
+    parts = [f'<model xmlns="{_CORE}"><resources>'.encode()]
     for key, mesh in meshes.items():
-        # No names: trimesh would merge objects by them.
-        etree.SubElement(resources, f"{{{_CORE}}}object", id=numbers[key]).append(mesh)
+        content = etree.tostring(mesh, with_tail=False)
+        parts.append(b'<object id="%d">%s</object>' % (numbers[key], content))
+    parts.append(b"</resources><build>")
     for key, transform in placed:
         text = " ".join(map(repr, transform[:, :3].ravel().tolist()))
-        etree.SubElement(build, f"{{{_CORE}}}item", objectid=numbers[key], transform=text)
+        parts.append(f'<item objectid="{numbers[key]}" transform="{text}"/>'.encode())
+    parts.append(b"</build></model>")
     stream = BytesIO()
     with zipfile.ZipFile(stream, "w") as package:
-        package.writestr("3D/3dmodel.model", etree.tostring(model))
+        package.writestr("3D/3dmodel.model", b"".join(parts))
     return stream.getvalue()
 
 
