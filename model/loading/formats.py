@@ -113,7 +113,7 @@ def _sniff(data: bytes) -> str | None:
         return "stl"
     if _OFF.match(text):
         return "off"
-    if b"\0" not in text[:4096] and (_OBJ.search(text) or _old_mac_obj(text)):
+    if b"\0" not in text[:4096].rstrip(b"\0") and (_OBJ.search(text) or _old_mac_obj(text)):
         return "obj"
     return None
 

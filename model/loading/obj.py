@@ -9,9 +9,9 @@ from model.errors import MalformedFile
 from model.loading.text import plain_text, points
 from model.loading.triangles import Triangles, fan
 
-_VERTEX = re.compile(rb"^[ \t]*v[ \t]+(.*)$", re.MULTILINE)
-_FACE = re.compile(rb"^[ \t]*f[ \t]+(.*)$", re.MULTILINE)
-_VERTEX_OR_FACE = re.compile(rb"^[ \t]*([vf])[ \t]", re.MULTILINE)
+_VERTEX = re.compile(rb"^[ \t]*v(?:[ \t](.*))?$", re.MULTILINE)
+_FACE = re.compile(rb"^[ \t]*f(?:[ \t](.*))?$", re.MULTILINE)
+_VERTEX_OR_FACE = re.compile(rb"^[ \t]*([vf])(?:[ \t]|$)", re.MULTILINE)
 
 
 def read_obj(data: bytes) -> Triangles:

@@ -35,6 +35,8 @@ def points(lines: list[bytes], what: str) -> NDArray[np.float64]:
     """
     if not lines:
         return np.empty((0, 3))
+    if not any(map(bytes.strip, lines)):
+        raise MalformedFile("bad-vertex", f"no {what} of {len(lines)} holds a number")
     try:
         table = np.loadtxt(lines, usecols=(0, 1, 2), ndmin=2, comments=None, encoding="latin-1")
     except ValueError as error:

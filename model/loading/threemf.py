@@ -112,7 +112,7 @@ def _normal(path: str) -> str:
 
 
 def _parse(data: bytes) -> Any:
-    from lxml import etree
+    from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]: it has no stubs
 
     parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False)
     root = etree.fromstring(data, parser)
@@ -152,7 +152,7 @@ def _instances(
 
 def _rewrite(meshes: dict[Key, Any], placed: list[tuple[Key, NDArray]]) -> bytes:
     """A package with these meshes in one part, numbered in order, and nothing else."""
-    from lxml import etree
+    from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]: it has no stubs
 
     numbers = {key: number for number, key in enumerate(meshes, start=1)}
     # Joined as text, since lxml takes quadratic time to move a large element to another document.

@@ -1,0 +1,126 @@
+"""3MF: components, the production extension, and numbers that are none."""
+
+import loading_builders as build
+import pytest
+
+from model.errors import MalformedFile, MeshError
+from model.loading import load_mesh
+
+ROOT = "3D/3dmodel.model"
+
+
+def component(identifier, transform="1 0 0 0 1 0 0 0 1 0 0 0", path=""):
+    path = f'p:path="{path}" ' if path else ""
+    return f'<component {path}objectid="{identifier}" transform="{transform}"/>'
+
+
+def group(identifier, *components):
+    return f'<object id="{identifier}"><components>{"".join(components)}</components></object>'
+
+
+def moved(x):
+    return f"1 0 0 0 1 0 0 0 1 {x} 0 0"
+
+
+def test_components_and_items_place_meshes():
+    objects = build.mesh_xml() + group("2", component("1"), component("1", moved(5)))
+    items = f'<item objectid="2" transform="{moved(100)}"/><item objectid="1"/>'
+    mesh = load_mesh(build.threemf({ROOT: build.model_xml(objects, items)}))
+    assert build.is_box(mesh, boxes=3)
+    assert sorted(set(mesh.vertices[:, 0])) == [0, 1, 100, 101, 105, 106]
+
+
+def test_components_compose_inner_first():
+    objects = build.mesh_xml() + group("2", component("1", moved(5)))
+    items = '<item objectid="2" transform="2 0 0 0 2 0 0 0 2 1 0 0"/>'
+    mesh = load_mesh(build.threemf({ROOT: build.model_xml(objects, items)}))
+    assert build.volume(mesh) == pytest.approx(8 * build.VOLUME)
+    assert sorted(set(mesh.vertices[:, 0])) == [11, 13]
+
+
+def test_deep_components_lose_no_instance():
+    levels = "".join(
+        group(level, *(component(level - 1, moved(x * 10**level)) for x in range(5)))
+        for level in (2, 3, 4)
+    )
+    model = build.model_xml(build.mesh_xml() + levels, '<item objectid="4"/>')
+    assert build.is_box(load_mesh(build.threemf({ROOT: model})), boxes=125)
+
+
+def test_items_of_one_part_number_are_all_placed():
+    items = "".join(
+        f'<item objectid="1" partnumber="same" transform="{moved(x)}"/>' for x in (0, 5, 10)
+    )
+    model = build.model_xml(build.mesh_xml(), items)
+    assert build.is_box(load_mesh(build.threemf({ROOT: model})), boxes=3)
+
+
+def test_production_parts_hold_several_objects_with_the_same_ids_as_the_root():
+    other = build.model_xml(build.mesh_xml() + build.mesh_xml(identifier="2"), "")
+    path = "/3D/Objects/Other.model"
+    objects = group("1", component("1", path=path), component("2", moved(5), path=path))
+    objects += group("2", component("1", moved(9), path=path))
+    items = '<item objectid="1"/><item objectid="2"/>'
+    package = build.threemf({ROOT: build.model_xml(objects, items), path[1:]: other})
+    assert build.is_box(load_mesh(package), boxes=3)
+    direct = build.model_xml("", f'<item objectid="2" p:path="{path}"/>')
+    assert build.is_box(load_mesh(build.threemf({ROOT: direct, path[1:]: other})))
+    with pytest.raises(MalformedFile, match="no part"):
+        load_mesh(build.threemf({ROOT: direct}))
+
+
+def test_the_root_part_is_the_one_that_the_package_names():
+    relation = (
+        '<Relationships xmlns="http://schemas.openxmlformats.org/package/2006/relationships">'
+        '<Relationship Target="/Models/Box.model" Id="r0" '
+        'Type="http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"/></Relationships>'
+    )
+    box = build.model_xml(build.mesh_xml(), unit="inch")
+    parts = {"_rels/.rels": relation, "Models/Box.model": box, "photo.png": "none"}
+    assert build.is_box(load_mesh(build.threemf(parts)))
+
+
+def test_what_the_build_does_not_place_is_not_loaded():
+    objects = build.mesh_xml() + build.mesh_xml(identifier="2")
+    assert build.is_box(load_mesh(build.threemf({ROOT: build.model_xml(objects)})))
+
+
+@pytest.mark.parametrize("bad", ["1,0", "one", "", "1 1", "0x1"])
+def test_numbers_that_are_none(bad):
+    box = build.mesh_xml()
+    for model in (
+        box.replace('x="1"', f'x="{bad}"').replace('x="1.0"', f'x="{bad}"'),
+        box[::-1].replace('"0.3"=z'[::1], f'"{bad[::-1]}"=z', 1)[::-1],
+        box[::-1].replace('"7"=3v', f'"{bad[::-1]}"=3v', 1)[::-1],
+    ):
+        assert model != box
+        with pytest.raises(MalformedFile):
+            load_mesh(build.threemf({ROOT: build.model_xml(model)}))
+
+
+@pytest.mark.parametrize(
+    "model",
+    [
+        build.model_xml(group("1", component("1"))),
+        build.model_xml(group("1", component("2")) + group("2", component("1"))),
+        build.model_xml(group("1", component("9"))),
+        build.model_xml(build.mesh_xml(), '<item objectid="1" transform="1 2 3"/>'),
+        build.model_xml(build.mesh_xml()).replace("?>", "?><!DOCTYPE model>"),
+        build.model_xml(build.mesh_xml()).replace(
+            "?>", '?><!DOCTYPE model [<!ENTITY a SYSTEM "file:///etc/hostname">]>'
+        ),
+        build.model_xml(build.mesh_xml()).replace(
+            "<model ", '<model xmlns:q="http://acme.example/secret/1" requiredextensions="q" '
+        ),
+        "<model>",
+        "<other/>",
+    ],
+)
+def test_models_that_make_no_sense_are_refused(model):
+    with pytest.raises(MeshError):
+        load_mesh(build.threemf({ROOT: model}))
+
+
+def test_a_zip_that_is_no_3mf():
+    with pytest.raises(MalformedFile, match="no 3MF package"):
+        load_mesh(build.threemf({"letter.txt": "hello"}))

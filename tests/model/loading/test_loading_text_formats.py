@@ -1,0 +1,228 @@
+"""OBJ, OFF and STL: ordinary files load right, and traps are right or refused."""
+
+import loading_builders as build
+import numpy as np
+import pytest
+
+from model.errors import MalformedFile, UnknownFormat, UnusableMesh
+from model.loading import load_mesh
+
+TEXTS = pytest.mark.parametrize(
+    ("extension", "data"),
+    [pair for name, pair in build.SPELLINGS.items() if pair[0] == "obj" or "off" in name]
+    + [build.SPELLINGS["stl ascii"], build.SPELLINGS["ply ascii"]],
+)
+
+
+@TEXTS
+@pytest.mark.parametrize("end", [b"\r\n", b"\r"])
+@pytest.mark.parametrize("mark", [b"", b"\xef\xbb\xbf"])
+@pytest.mark.parametrize("tail", [b"", b"\n\n", b"\0\0\0", b"\x1a"])
+def test_line_ends_byte_order_marks_and_padding(extension, data, end, mark, tail):
+    assert build.is_box(load_mesh(mark + data.replace(b"\n", end) + tail, extension))
+    assert build.is_box(load_mesh(mark + data.replace(b"\n", end) + tail))
+
+
+def test_obj_relative_indices_count_from_their_own_line():
+    boxes = []
+    for shift in (0, 10, 20):
+        moved = build.VERTICES + np.array([shift, 0, 0])
+        boxes.append(build.rows(moved, "v ") + build.rows(build.FACES - 8, "f "))
+    mesh = load_mesh("".join(boxes).encode(), "obj")
+    assert len(mesh.faces) == 36
+    assert build.is_box(mesh, boxes=3)
+    assert mesh.vertices[:, 0].max() == 21
+
+
+def test_obj_relative_and_absolute_indices_mix():
+    text = build.obj().replace(b"f 1 3 4", b"f 1 -6 -5")
+    assert build.is_box(load_mesh(text, "obj"))
+
+
+@pytest.mark.parametrize("reference", ["0", "9", "-9"])
+def test_obj_references_to_no_vertex_are_refused(reference):
+    text = build.obj().replace(b"f 1 3 4", f"f {reference} 3 4".encode())
+    with pytest.raises(UnusableMesh) as caught:
+        load_mesh(text, "obj")
+    assert caught.value.fault == "index-out-of-range"
+
+
+def test_obj_vertices_of_two_numbers_are_refused():
+    flat = build.rows(build.VERTICES[:, :2], "v ") + "f 1 2 3\n"
+    for text in (flat, flat.replace("v 0.0 0.0\n", "v 0.0 0.0 0.0\n", 1)):
+        with pytest.raises(MalformedFile, match="three numbers"):
+            load_mesh(text.encode(), "obj")
+
+
+@pytest.mark.parametrize("bad", ["v 1,5 2 3", "v one two three", "v ", "f 1 2 x", "f 1 2 3.5"])
+def test_obj_words_in_place_of_numbers_are_refused(bad):
+    with pytest.raises(MalformedFile):
+        load_mesh(build.obj() + bad.encode() + b"\n", "obj")
+
+
+@pytest.mark.parametrize("corner", ["{}/1", "{}//1", "{}/1/1", "{}/", "{}/-1/-1"])
+def test_obj_textures_and_normals_are_passed_over(corner):
+    faces = "".join(
+        "f " + " ".join(corner.format(index + 1) for index in quad) + "\n" for quad in build.QUADS
+    )
+    text = build.rows(build.VERTICES, "v ") + "vt 0 0\nvn 0 0 1\n" + faces
+    assert build.is_box(load_mesh(text.encode(), "obj"))
+
+
+def test_obj_faces_of_any_kind_mix():
+    text = (
+        build.rows(build.VERTICES, "v ")
+        + "vt 0 0\nvn 0 0 1\n"
+        + "f 1 3 4 2\nf 5/1 6/1 8/1\nf 5//1 8//1 7//1\nl 1 2\nf 1 2\n"
+        + build.rows(build.QUADS[2:] + 1, "f ")
+    )
+    mesh = load_mesh(text.encode(), "obj")
+    assert len(mesh.faces) == 12
+    assert build.is_box(mesh)
+
+
+def test_obj_polygons_become_fans():
+    angles = np.linspace(0, 2 * np.pi, 7)[:-1]
+    ring = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1)
+    mesh = load_mesh((build.rows(ring, "v ") + "f 1 2 3 4 5 6\n").encode(), "obj")
+    assert len(mesh.faces) == 4
+    assert build.area(mesh) == pytest.approx(1.5 * np.sqrt(3))
+
+
+def test_obj_colours_weights_comments_names_and_continued_lines():
+    vertices = [
+        f"v {x} {y} {z}{' 1' if x else ' 0.5 0.5 0.5'} # corner\n" for x, y, z in build.VERTICES
+    ]
+    text = (
+        "# caf\xe9\nmtllib caf\xe9.mtl\no v 1 2 3\n"
+        + "".join(vertices)
+        + "usemtl f 1 2 3\ng a b\ns off\n"
+        + "  f\t1 3 \\\n4 2\n"
+        + build.rows(build.QUADS[1:] + 1, "f ")
+    )
+    assert build.is_box(load_mesh(text.encode("latin-1"), "obj"))
+
+
+def test_obj_of_many_materials():
+    faces = "".join(f"usemtl m{n}\nf 1 2 3\n" for n in range(60_000))
+    mesh = load_mesh((build.rows(build.VERTICES, "v ") + faces).encode(), "obj")
+    assert len(mesh.faces) == 60_000
+
+
+def test_obj_as_utf16_is_read_and_zero_bytes_are_refused():
+    assert build.is_box(load_mesh(build.obj().decode().encode("utf-16"), "obj"))
+    with pytest.raises(MalformedFile, match="zero"):
+        load_mesh(build.obj().replace(b"f 1 3", b"f\x001 3"), "obj")
+
+
+def test_off_of_one_token_a_line():
+    for header in ("OFF", "NOFF"):
+        text = build.off(header="OFF").decode()
+        if header == "NOFF":
+            text = _with_columns("NOFF", 3)
+        assert build.is_box(load_mesh("\n".join(text.split()).encode(), "off"))
+        assert build.is_box(load_mesh((header + text[len(header) :].replace("\n", " ")).encode()))
+
+
+@pytest.mark.parametrize(
+    ("header", "columns"), [("COFF", 4), ("COFF", 3), ("NOFF", 3), ("CNOFF", 7), ("STOFF", 2)]
+)
+def test_off_with_colours_normals_and_textures(header, columns):
+    assert build.is_box(load_mesh(_with_columns(header, columns).encode(), "box.off"))
+
+
+def _with_columns(header: str, columns: int) -> str:
+    vertices = np.hstack([build.VERTICES, np.full((8, columns), 0.5)])
+    counted = [(len(face), *face) for face in build.QUADS]
+    return f"{header}\n8 6 0\n" + build.rows(vertices) + build.rows(counted)
+
+
+def test_off_with_comments_face_colours_and_mixed_polygons():
+    text = (
+        "# caf\xe9\nOFF # box\n\n8 7 # no edges\n"
+        + build.rows(build.VERTICES)
+        + "\n3 0 2 3 255 0 0 # red\n3 0 3 1 0.5 0.5 0.5 1\n"
+        + build.rows([(4, *quad) for quad in build.QUADS[1:]])
+    )
+    assert build.is_box(load_mesh(text.encode("latin-1"), "off"))
+    assert build.is_box(load_mesh(text.encode("latin-1")))
+
+
+def test_off_counts_on_the_line_of_the_keyword():
+    assert build.is_box(load_mesh(build.off().replace(b"OFF\n", b"OFF ", 1)))
+    assert build.is_box(load_mesh(build.off()[4:], "off"))
+
+
+@pytest.mark.parametrize("header", ["4OFF", "nOFF", "OFF BINARY"])
+def test_off_of_other_kinds_is_refused_by_name(header):
+    with pytest.raises(MalformedFile, match="export"):
+        load_mesh(build.off(header=header), "off")
+
+
+@pytest.mark.parametrize("index", [-1, 8])
+def test_indices_outside_are_refused_and_never_wrap(index):
+    faces = build.FACES.copy()
+    faces[5, 1] = index
+    model = build.model_xml(build.mesh_xml(faces))
+    for data in (
+        build.off(faces),
+        build.ply_ascii(faces),
+        build.ply_binary(faces),
+        build.threemf({"3D/3dmodel.model": model}),
+    ):
+        with pytest.raises(UnusableMesh) as caught:
+            load_mesh(data)
+        assert caught.value.fault == "index-out-of-range"
+
+
+def test_counts_beyond_the_bytes_are_refused_at_once():
+    huge = str(10**12)
+    for data in (
+        build.off().replace(b"8 12 0", f"8 {huge} 0".encode()),
+        build.off().replace(b"8 12 0", f"{huge} 12 0".encode()),
+        build.ply_ascii().replace(b"face 12", f"face {huge}".encode()),
+        build.ply_binary().replace(b"vertex 8", f"vertex {huge}".encode()),
+        b"\0" * 80 + b"\xff\xff\xff\xff" + b"\0" * 100,
+    ):
+        with pytest.raises(MalformedFile) as caught:
+            load_mesh(data, "stl" if data.startswith(b"\0") else None)
+        assert caught.value.fault == "truncated"
+
+
+@pytest.mark.parametrize("tail", [b"\0", b"\n", b"\r\n", b"written by a CAD program"])
+def test_binary_stl_with_trailing_bytes(tail):
+    mesh = load_mesh(build.stl_binary() + tail, "stl")
+    assert len(mesh.faces) == 12
+    assert build.is_box(mesh)
+
+
+@pytest.mark.parametrize("header", [b"solid box", b"ply\n", b"OFF\n", b"v 1 2 3", b"{", b"\xe9"])
+def test_binary_stl_whose_header_spells_something_else(header):
+    assert build.is_box(load_mesh(build.stl_binary(header), "stl"))
+    assert build.is_box(load_mesh(build.stl_binary(header)))
+
+
+def test_binary_stl_that_begins_with_solid_and_is_cut_off():
+    with pytest.raises(MalformedFile, match="cut off"):
+        load_mesh(build.stl_binary(b"solid box")[:-1], "stl")
+
+
+@pytest.mark.parametrize("name", ["", "vertex 1 2 3", "caf\xe9", "endsolid facet"])
+def test_ascii_stl_of_any_name_and_case(name):
+    data = build.stl_ascii(name)
+    assert build.is_box(load_mesh(data, "stl"))
+    assert build.is_box(load_mesh(data.upper(), "stl"))
+
+
+def test_ascii_stl_of_several_solids():
+    assert build.is_box(load_mesh(2 * build.stl_ascii(), "stl"), boxes=2)
+
+
+def test_ascii_stl_without_its_end_is_cut_off():
+    with pytest.raises(MalformedFile, match="endsolid"):
+        load_mesh(build.stl_ascii().partition(b"endsolid")[0], "stl")
+
+
+def test_text_that_is_no_stl():
+    with pytest.raises((MalformedFile, UnknownFormat)):
+        load_mesh(b"a letter to a friend\n" * 10, "stl")
