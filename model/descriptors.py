@@ -69,9 +69,7 @@ def descriptor_terms(
             for k in range(3):
                 i, j = (k + 1) % 3, (k + 2) % 3
                 row[5, k] += abs(centroids[f, k] - centroids[g, k])
-                row[6, k] += abs(
-                    normals[f, i] * normals[g, j] - normals[f, j] * normals[g, i]
-                )
+                row[6, k] += abs(normals[f, i] * normals[g, j] - normals[f, j] * normals[g, i])
         terms[f] = row
     return terms
 

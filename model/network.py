@@ -1,6 +1,7 @@
 """MeshConv3D: descriptors, blocks of convolution and pooling, and an additive readout."""
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import torch
 from torch import Tensor, nn
@@ -32,7 +33,7 @@ class Network(nn.Module):
                 PatchConvolution(width_in if i == 0 else width_out, width_out)
                 for i in range(config.convolutions)
             )
-            for width_in, width_out in zip(widths, widths[1:], strict=False)
+            for width_in, width_out in pairwise(widths)
         )
         self.classify = nn.Linear(widths[-1], len(config.classes))
 

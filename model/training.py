@@ -133,9 +133,7 @@ class Trainer:
         total_loss, right, seen = 0.0, 0, 0
         self.network.train()
         for arrays, labels in self._batches(epoch):
-            scores, _ = self.network(
-                *as_tensors(arrays, self.network.config.levels, self.device)
-            )
+            scores, _ = self.network(*as_tensors(arrays, self.network.config.levels, self.device))
             target = torch.from_numpy(labels).to(self.device)
             loss = self.loss(scores, target)
             self.optimiser.zero_grad()
@@ -160,9 +158,7 @@ class Trainer:
         for batch in np.array_split(order[: self.batches * self.training.batch_size], self.batches):
             chosen = [self.meshes[i] for i in batch]
             inputs = [
-                self.training.augmentation.apply(
-                    mesh, self.network.config.absolute_offsets, rng
-                )
+                self.training.augmentation.apply(mesh, self.network.config.absolute_offsets, rng)
                 for mesh in chosen
             ]
             yield collate(inputs), np.array([mesh.label for mesh in chosen], dtype=np.int64)

@@ -63,9 +63,7 @@ def drop_duplicates(faces: NDArray[np.int32]) -> tuple[NDArray[np.int32], int]:
     order = np.lexsort((c, b, a))
     same = np.zeros(len(faces), bool)
     one, next_one = order[:-1], order[1:]
-    same[next_one] = (
-        (a[one] == a[next_one]) & (b[one] == b[next_one]) & (c[one] == c[next_one])
-    )
+    same[next_one] = (a[one] == a[next_one]) & (b[one] == b[next_one]) & (c[one] == c[next_one])
     return faces[~same], int(same.sum())
 
 
@@ -121,7 +119,7 @@ def wind_alike(
     Returns (flip, twin): flip, F bool; twin, the half-edges with a cut along the line where a
     one-sided surface (a Moebius strip) runs against itself.
     """
-    component, flip, _ = _spread_orientation(faces, twin)
+    _, flip, _ = _spread_orientation(faces, twin)
     h = np.flatnonzero(twin >= 0)
     f, g = h // 3, twin[h] // 3
     # Two faces wound alike run along their shared edge in opposite directions.
@@ -176,7 +174,7 @@ def face_inward(
     component, _, count = _spread_orientation(faces, twin)
 
     def total(per_face: NDArray) -> NDArray[np.float64]:
-        return np.bincount(component, per_face, count)
+        return np.bincount(component, per_face, count).astype(np.float64)
 
     corners = vertices[faces]
     area_normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2

@@ -35,7 +35,9 @@ def find_twins(
     while start < len(order):
         first = order[start]
         end = start + 1
-        while end < len(order) and low[order[end]] == low[first] and high[order[end]] == high[first]:
+        while (
+            end < len(order) and low[order[end]] == low[first] and high[order[end]] == high[first]
+        ):
             end += 1
         if end - start == 1:
             border += 1
@@ -115,9 +117,7 @@ def _ascends(faces: NDArray[np.int32], h: int) -> bool:
 
 
 @njit(cache=True, nogil=True)
-def edge_lengths(
-    vertices: NDArray[np.float64], faces: NDArray[np.int32]
-) -> NDArray[np.float64]:
+def edge_lengths(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> NDArray[np.float64]:
     """Length of every half-edge, H float64, in the units of `vertices`."""
     lengths = np.empty(3 * len(faces))
     for f in range(len(faces)):
@@ -131,9 +131,7 @@ def edge_lengths(
 
 
 @njit(cache=True, nogil=True)
-def sort_adjacency(
-    twin: NDArray[np.int32], lengths: NDArray[np.float64]
-) -> NDArray[np.int32]:
+def sort_adjacency(twin: NDArray[np.int32], lengths: NDArray[np.float64]) -> NDArray[np.int32]:
     """Neighbours of every face, by shared edge, shortest first (paper, section III).
 
     twin: H int32. lengths: H float64. Returns F x 3 int32 of face + 1, missing neighbours last

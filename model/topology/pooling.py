@@ -168,7 +168,7 @@ def _free_region(
 
 @njit(cache=True, nogil=True)
 def _contains(values: NDArray[np.int32], value: int) -> bool:
-    for v in values:
+    for v in values:  # noqa: SIM110 (numba compiles no any())
         if v == value:
             return True
     return False

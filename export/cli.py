@@ -1,0 +1,90 @@
+"""`meshconv3d export` and `verify`: from a checkpoint to a model file, and back again."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from model.checkpoint import Checkpoint
+    from model.inputs import MeshInputs
+
+FILE = click.Path(dir_okay=False, path_type=Path)
+EXISTING_FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
+MESHES_HELP = "Compare on these meshes too, beside the samples."
+
+
+@click.command()
+@click.argument("checkpoint", type=EXISTING_FILE)
+@click.option("-o", "--output", type=FILE, required=True, help="The .onnx file to write.")
+@click.option("--name", help="The model's name. [default: that of the file]")
+@click.option("--mesh", "meshes", type=EXISTING_FILE, multiple=True, help=MESHES_HELP)
+def export(checkpoint: Path, output: Path, name: str | None, meshes: tuple[Path, ...]) -> None:
+    """Turn CHECKPOINT into one self-contained ONNX file.
+
+    The file is compared with torch on several meshes, alone and together in a ragged batch; if
+    they differ by more than 1e-4, it is not written and the exit code is 1.
+    """
+    from export.onnx_file import export_model
+    from export.parity import ParityError
+
+    loaded = _load(checkpoint)
+    try:
+        card = export_model(loaded, output, name or output.stem, _inputs(loaded, meshes))
+    except ParityError as error:
+        raise click.ClickException(f"{output} was not written: {error}") from None
+    size = output.stat().st_size
+    click.echo(f"wrote {output} ({size / 1e6:.2f} MB), parity {_parity(card.parity)}")
+
+
+@click.command()
+@click.argument("model", type=EXISTING_FILE)
+@click.option("--checkpoint", type=EXISTING_FILE, required=True, help="What it was made from.")
+@click.option("--mesh", "meshes", type=EXISTING_FILE, multiple=True, help=MESHES_HELP)
+def verify(model: Path, checkpoint: Path, meshes: tuple[Path, ...]) -> None:
+    """Check that MODEL computes what its checkpoint does; exits with 1 if not."""
+    from export.parity import ParityError, check_parity
+
+    loaded = _load(checkpoint)
+    try:
+        parity = check_parity(
+            model.read_bytes(), loaded.network, list(_inputs(loaded, meshes).values())
+        )
+    except ParityError as error:
+        raise click.ClickException(str(error)) from None
+    click.echo(f"{model} agrees with {checkpoint}: {_parity(parity)}")
+
+
+def _load(path: Path) -> "Checkpoint":
+    from model.checkpoint import CheckpointError, load_checkpoint
+
+    try:
+        return load_checkpoint(path)
+    except CheckpointError as error:
+        raise click.ClickException(str(error)) from None
+
+
+def _inputs(checkpoint: "Checkpoint", extra: tuple[Path, ...]) -> "dict[str, MeshInputs]":
+    """Samples and further meshes, by name, as the checkpoint's network takes them."""
+    from model.errors import MeshError
+    from model.inputs import mesh_inputs
+    from model.loading import load_mesh
+    from model.preparation import prepare
+    from model.samples import sample_paths
+
+    config = checkpoint.network.config
+    inputs = {}
+    for name, path in {**sample_paths(), **{str(path): path for path in extra}}.items():
+        try:
+            mesh, _ = prepare(load_mesh(path), config.face_budget)
+        except MeshError as error:
+            raise click.ClickException(f"{path}: {error}") from None
+        inputs[name] = mesh_inputs(mesh, config)
+    return inputs
+
+
+def _parity(figures: dict) -> str:
+    return (
+        f"scores {figures['scores']:.1e}, evidence {figures['evidence']:.1e} "
+        f"(relative, {figures['meshes']} meshes, tolerance {figures['tolerance']:g})"
+    )

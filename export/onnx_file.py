@@ -1,0 +1,93 @@
+"""Write a checkpoint as one ONNX file that carries its own card."""
+
+import logging
+import os
+import warnings
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import onnx
+import torch
+from torch.export import Dim
+
+from export.graph import ExportedNetwork
+from export.metadata import ModelCard
+from export.parity import OUTPUTS, check_parity
+from model.checkpoint import Checkpoint
+from model.config import NetworkConfig
+from model.inputs import MeshInputs, collate, input_names
+from model.network import Network, as_tensors
+
+OPSET = 20
+
+
+def export_model(
+    checkpoint: Checkpoint, path: Path, name: str, meshes: Mapping[str, MeshInputs]
+) -> ModelCard:
+    """Export to `path` and return the card; the file appears only once it has proved itself.
+
+    meshes: at least two, by name, the first a sample, whose scores go into the card. The graph
+    is traced on them and compared with torch on each, alone and in one batch. Raises
+    ParityError, leaving no file.
+    """
+    graph = trace_graph(checkpoint.network, list(meshes.values()))
+    training = dict(checkpoint.training)
+    card = ModelCard(
+        name=name,
+        config=checkpoint.network.config,
+        opset=OPSET,
+        training=training,
+        accuracy=training.pop("accuracy", {}),
+        parity=check_parity(graph.SerializeToString(), checkpoint.network, list(meshes.values())),
+        probe=probe(checkpoint.network, *next(iter(meshes.items()))),
+    )
+    onnx.helper.set_model_props(graph, card.to_properties())
+    partial = path.with_name(path.name + ".partial")
+    partial.write_bytes(graph.SerializeToString())
+    os.replace(partial, path)
+    return card
+
+
+def probe(network: Network, sample: str, inputs: MeshInputs) -> dict[str, Any]:
+    """A sample mesh with its scores, by which a runtime can test itself."""
+    with torch.inference_mode():
+        scores, _ = network.eval()(*as_tensors(collate([inputs]), network.config.levels))
+    return {"sample": sample, "scores": [round(score, 5) for score in scores[0].tolist()]}
+
+
+def trace_graph(network: Network, meshes: Sequence[MeshInputs]) -> onnx.ModelProto:
+    """The folded network as an ONNX graph with symbolic face, batch and pooling-width axes."""
+    arrays = collate(meshes)
+    names = input_names(network.config.levels)
+    with warnings.catch_warnings():
+        # The exporter warns of matters of its own (deprecations, opset conversions); parity
+        # decides whether the file is right.
+        warnings.simplefilter("ignore")
+        logging.getLogger("torch.onnx").setLevel(logging.ERROR)
+        program = torch.onnx.export(
+            ExportedNetwork(network).eval(),
+            tuple(torch.from_numpy(arrays[name]) for name in names),
+            dynamo=True,
+            verbose=False,
+            opset_version=OPSET,
+            input_names=names,
+            output_names=list(OUTPUTS),
+            dynamic_shapes=_dynamic_shapes(network.config),
+        )
+    assert program is not None
+    graph = program.model_proto
+    # Traces of where the code lay on the exporting machine are of no use to anyone else.
+    for node in graph.graph.node:
+        node.ClearField("metadata_props")
+        node.ClearField("doc_string")
+    return graph
+
+
+def _dynamic_shapes(config: NetworkConfig) -> tuple:
+    """Symbolic axes of each input; K is the network's own and stays fixed."""
+    faces = [Dim(f"faces_{level}") for level in range(config.levels + 1)]
+    patches = [{0: faces[level]} for level in range(config.levels)]
+    pools = [{0: faces[level + 1], 1: Dim(f"pool_width_{level}")} for level in range(config.levels)]
+    readout = {0: Dim("batch"), 1: Dim("readout_width")}
+    return {0: faces[0]}, (*patches, *pools, readout)

@@ -1,0 +1,63 @@
+"""Does a model file compute what the network computes? On real meshes, alone and together."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import onnxruntime as ort
+import torch
+
+from model.inputs import MeshInputs, collate
+from model.network import Network, as_tensors
+
+TOLERANCE = 1e-4
+OUTPUTS = ("scores", "evidence")
+
+
+class ParityError(RuntimeError):
+    """The file and the network differ by more than the tolerance, or in shape."""
+
+
+def check_parity(
+    model: bytes, network: Network, meshes: Sequence[MeshInputs]
+) -> dict[str, float | int | str]:
+    """Run every mesh alone, and all in one ragged batch, under onnxruntime and torch.
+
+    Returns the largest difference of each output, relative to the largest value of that output
+    in torch, and what it was measured on. Raises ParityError listing every failure.
+    """
+    session = ort.InferenceSession(model, providers=["CPUExecutionProvider"])
+    names = [output.name for output in session.get_outputs()]
+    if names != list(OUTPUTS):
+        raise ParityError(f"the file's outputs are {names}, expected {list(OUTPUTS)}")
+    worst = dict.fromkeys(OUTPUTS, 0.0)
+    failures = []
+    batches = {f"mesh {i}": [mesh] for i, mesh in enumerate(meshes)}
+    batches[f"ragged batch of {len(meshes)}"] = list(meshes)
+    for title, batch in batches.items():
+        arrays = collate(batch)
+        with torch.inference_mode():
+            expected = network.eval()(*as_tensors(arrays, network.config.levels))
+        for name, ours, theirs in zip(OUTPUTS, session.run(None, arrays), expected, strict=True):
+            difference = relative_difference(np.asarray(ours), theirs.numpy())
+            worst[name] = max(worst[name], difference)
+            if not difference <= TOLERANCE:
+                failures.append(f"{title}: {name} differs by {difference:.2e}")
+    if failures:
+        raise ParityError(
+            f"the file does not compute what the checkpoint does (tolerance {TOLERANCE:g}, "
+            "relative):\n  " + "\n  ".join(failures)
+        )
+    return {
+        **{name: float(f"{value:.3g}") for name, value in worst.items()},
+        "meshes": len(meshes),
+        "tolerance": TOLERANCE,
+        "onnxruntime": ort.__version__,
+        "torch": torch.__version__,
+    }
+
+
+def relative_difference(ours: np.ndarray, theirs: np.ndarray) -> float:
+    """Largest absolute difference over the largest absolute value; infinite across shapes."""
+    if ours.shape != theirs.shape:
+        return float("inf")
+    return float(np.abs(ours - theirs).max() / max(np.abs(theirs).max(), 1e-12))

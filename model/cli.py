@@ -1,0 +1,147 @@
+"""`meshconv3d train`: a folder of labelled meshes in, a checkpoint with its curves out."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from model.config import PRESETS
+
+if TYPE_CHECKING:
+    from model.datasets import LabelledMesh, Sample
+    from model.training import Trainer
+
+CHECKPOINT_FILE = "model.safetensors"
+CURVES_FILE = "curves.png"
+EXISTING_FOLDER = click.Path(exists=True, file_okay=False, path_type=Path)
+EXISTING_FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
+
+
+@click.command()
+@click.argument("data", type=EXISTING_FOLDER)
+@click.option(
+    "--out",
+    type=click.Path(file_okay=False, path_type=Path),
+    required=True,
+    help="Folder for checkpoint, log and curves; an interrupted run there goes on.",
+)
+@click.option(
+    "--split",
+    "split_file",
+    type=EXISTING_FILE,
+    help="CSV with the columns class,file,split (train, val, test).",
+)
+@click.option(
+    "--preset",
+    "preset_name",
+    type=click.Choice(list(PRESETS)),
+    default="paper",
+    show_default=True,
+    help="Network.",
+)
+@click.option("--epochs", type=click.IntRange(1), default=60, show_default=True)
+@click.option("--batch-size", type=click.IntRange(2), default=16, show_default=True)
+@click.option("--seed", type=int, default=0, show_default=True)
+@click.option("--device", default="cpu", show_default=True, help="cpu, cuda, cuda:1, ...")
+@click.option("--threads", type=click.IntRange(1), help="CPU threads. [default: all]")
+def train(
+    data: Path,
+    out: Path,
+    split_file: Path | None,
+    preset_name: str,
+    epochs: int,
+    batch_size: int,
+    seed: int,
+    device: str,
+    threads: int | None,
+) -> None:
+    """Train a network on DATA, laid out as CLASS/train/*.obj and CLASS/test/*.obj.
+
+    Any format that can be classified can be trained on. Validation meshes, if there are any, are
+    scored after every epoch; test meshes once, after the last. Run the same command again to go
+    on after an interruption.
+    """
+    import torch
+
+    from model.checkpoint import save_checkpoint
+    from model.config import preset
+    from model.curves import draw_curves
+    from model.datasets import DatasetError, class_names, find_samples
+    from model.evaluation import accuracy
+    from model.training import Trainer, TrainingConfig
+
+    if threads:
+        torch.set_num_threads(threads)
+    try:
+        samples = find_samples(data, split_file)
+    except DatasetError as error:
+        raise click.UsageError(str(error)) from None
+    config = preset(preset_name, class_names(samples))
+    training = TrainingConfig(seed=seed, epochs=epochs, batch_size=batch_size)
+    parts = {split: _load(samples, split, config) for split in ("train", "val", "test")}
+    meshes, _ = parts["train"]
+    if len(meshes) < batch_size:
+        raise click.UsageError(f"{len(meshes)} training meshes do not fill a batch of {batch_size}")
+    try:
+        trainer = Trainer(config, training, meshes, out, device)
+        done = trainer.resume()
+    except (ValueError, RuntimeError) as error:
+        raise click.UsageError(str(error)) from None
+    if done:
+        click.echo(f"going on after epoch {done}", err=True)
+    validate = _validator(*parts["val"])
+    checkpoint = _run(trainer, epochs, done, validate)
+    measured: dict[str, Any] = {"selection": "last epoch"}
+    if parts["test"][0]:
+        measured["test"] = round(accuracy(checkpoint.network, *parts["test"]), 5)
+        measured["test_meshes"] = len(parts["test"][0]) + parts["test"][1]
+        click.echo(f"test accuracy {measured['test']:.2%} of {measured['test_meshes']} meshes")
+    checkpoint.training["data"] = {
+        "name": data.resolve().name,
+        "split": split_file.name if split_file else "folders",
+        **{split: len(meshes) + refused for split, (meshes, refused) in parts.items()},
+    }
+    checkpoint.training["accuracy"] = measured
+    save_checkpoint(checkpoint, out / CHECKPOINT_FILE)
+    draw_curves(trainer.history, out / CURVES_FILE)
+    click.echo(f"wrote {out / CHECKPOINT_FILE}")
+
+
+def _load(samples: "list[Sample]", split: str, config: Any) -> "tuple[list[LabelledMesh], int]":
+    from model.datasets import load_samples
+
+    chosen = [sample for sample in samples if sample.split == split]
+    return load_samples(chosen, config, lambda part: _track(part, f"Preparing {split}"))
+
+
+def _track(items: Any, title: str) -> Any:
+    from rich.console import Console
+    from rich.progress import track
+
+    console = Console(stderr=True)
+    return track(items, title, console=console, disable=not items or not console.is_terminal)
+
+
+def _validator(meshes: "list[LabelledMesh]", refused: int) -> Any:
+    """What measures validation accuracy after an epoch, if there is anything to measure on."""
+    from model.evaluation import accuracy
+
+    if not meshes:
+        return lambda network: {}
+    return lambda network: {"val_accuracy": round(accuracy(network, meshes, refused), 5)}
+
+
+def _run(trainer: "Trainer", epochs: int, done: int, validate: Any) -> Any:
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True)) as progress:
+        task = progress.add_task("Training", total=epochs, completed=done)
+
+        def show(record: dict[str, Any]) -> None:
+            shown = f"loss {record['loss']:.3f}, accuracy {record['train_accuracy']:.1%}"
+            if "val_accuracy" in record:
+                shown += f", validation {record['val_accuracy']:.1%}"
+            progress.update(task, advance=1, description=f"Training ({shown})")
+
+        return trainer.run(show, validate)

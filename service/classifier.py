@@ -1,0 +1,113 @@
+"""Both stages at run time: mesh bytes in, class scores out."""
+
+import os
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.inputs import collate, mesh_inputs
+from model.loading import load_mesh
+from model.preparation import MeshReport, prepare
+from model.samples import sample_paths
+from service.models import DEFAULT_MODEL, Model, open_model
+
+# How far the self-test's scores may lie from those that the export stored, relative to the
+# largest: rounding moves them by 1e-6, another triangulation of the sample by more than this.
+SELF_TEST_TOLERANCE = 1e-2
+
+
+class SelfTestError(RuntimeError):
+    """A model does not give, on this machine, the scores it gave when it was exported."""
+
+
+@dataclass(frozen=True, eq=False)
+class Classification:
+    """What a mesh is. scores: N_c float32 logits; probabilities: their softmax.
+
+    timings_ms: wall-clock milliseconds of each stage: read, prepare, topology, infer.
+    """
+
+    classes: tuple[str, ...]
+    scores: NDArray[np.float32]
+    probabilities: NDArray[np.float64]
+    report: MeshReport
+    timings_ms: dict[str, float]
+
+    @property
+    def ranking(self) -> list[int]:
+        """Class indices, likeliest first."""
+        return np.argsort(-self.scores, kind="stable").tolist()
+
+    @property
+    def label(self) -> str:
+        """The likeliest class."""
+        return self.classes[self.ranking[0]]
+
+
+class Classifier:
+    """A model, loaded once, that classifies any number of meshes from any number of threads.
+
+    >>> Classifier.load("shrec11").classify("snake.obj").label
+    'snake'
+    """
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+
+    @classmethod
+    def load(cls, name_or_path: str = DEFAULT_MODEL, threads: int = 1) -> "Classifier":
+        """A shipped model by name or a model file by path; see `open_model` for the errors."""
+        return cls(open_model(name_or_path, threads))
+
+    def classify(
+        self, source: str | os.PathLike[str] | bytes, name: str | None = None
+    ) -> Classification:
+        """Classify one file, or the bytes of one; `name` declares the format of bytes.
+
+        Raises MeshError for what cannot be read or is no mesh, OSError for a path that cannot
+        be opened.
+        """
+        config = self.model.card.config
+        timings: dict[str, float] = {}
+        with _timed(timings, "read"):
+            loaded = load_mesh(source, name)
+        with _timed(timings, "prepare"):
+            mesh, report = prepare(loaded, config.face_budget)
+        with _timed(timings, "topology"):
+            arrays = collate([mesh_inputs(mesh, config)])
+        with _timed(timings, "infer"):
+            scores = np.asarray(self.model.session.run(["scores"], arrays)[0])[0]
+        return Classification(config.classes, scores, softmax(scores), report, timings)
+
+    def self_test(self) -> None:
+        """Classify the sample whose scores the export stored; it also warms every stage up.
+
+        Raises SelfTestError when the scores are not those.
+        """
+        probe = self.model.card.probe
+        scores = self.classify(sample_paths()[probe["sample"]]).scores
+        expected = np.array(probe["scores"])
+        difference = np.abs(scores - expected).max() / np.abs(expected).max()
+        if not difference <= SELF_TEST_TOLERANCE:
+            raise SelfTestError(
+                f"model {self.model.card.name} scores the sample {probe['sample']} differently "
+                f"here than when it was exported (by {difference:.1%}): "
+                "its file does not fit this version of meshconv3d"
+            )
+
+
+def softmax(scores: NDArray[np.float32]) -> NDArray[np.float64]:
+    """Probabilities from logits, N_c."""
+    powers = np.exp(scores.astype(np.float64) - scores.max())
+    return powers / powers.sum()
+
+
+@contextmanager
+def _timed(timings: dict[str, float], stage: str) -> Iterator[None]:
+    started = time.perf_counter()
+    yield
+    timings[stage] = round((time.perf_counter() - started) * 1000, 3)

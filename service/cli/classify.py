@@ -1,0 +1,160 @@
+"""`meshconv3d classify`: files and folders in, a record for each file out."""
+
+import sys
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from service.classifier import Classifier
+    from service.records import Answer, Refusal
+
+STDIN = "-"
+TABLE_TOP = 3
+
+
+@click.command()
+@click.argument("paths", nargs=-1, required=True, metavar="PATH...")
+@click.option("--model", help="Shipped model by name, or a model file. [default: shrec11]")
+@click.option("--top", type=click.IntRange(1), help="Only the N likeliest classes of each.")
+@click.option("--json", "as_json", is_flag=True, help="JSON Lines, as when the output is piped.")
+@click.option("--format", "declared", help="Format of the mesh on standard input, such as stl.")
+@click.pass_context
+def classify(
+    ctx: click.Context,
+    paths: tuple[str, ...],
+    model: str | None,
+    top: int | None,
+    as_json: bool,
+    declared: str | None,
+) -> None:
+    """Say what the meshes in files and folders are; - reads one mesh from standard input.
+
+    Folders are searched recursively. Prints a table at a terminal and JSON Lines otherwise, in
+    the order of the input. A file that cannot be used is a record with its reason. Exits with 0
+    if every file was classified, 1 if some were not, 2 if the call itself is wrong.
+    """
+    files = list(_expand(paths))
+    classifier = load_classifier(model)
+    records = _classify_all(classifier, files, declared, top)
+    if as_json or not sys.stdout.isatty():
+        failures = _print_lines(records)
+    else:
+        failures = _print_table(_with_progress(records, len(files)))
+    ctx.exit(1 if failures else 0)
+
+
+def load_classifier(model: str | None) -> "Classifier":
+    """The classifier for a --model value or the settings' default; a bad one is a usage error."""
+    from export.metadata import ModelFileError
+    from service.classifier import Classifier
+    from service.settings import Settings
+
+    try:
+        return Classifier.load(model or Settings().model)
+    except ModelFileError as error:
+        raise click.UsageError(str(error)) from None
+
+
+def _expand(paths: Iterable[str]) -> Iterator[str]:
+    """The files to classify, in order. A file that was named is tried whatever its name."""
+    from model.loading import FORMATS
+
+    for text in paths:
+        path = Path(text)
+        if path.is_dir():
+            found = sorted(
+                file
+                for file in path.rglob("*")
+                if file.is_file() and file.suffix.lower().lstrip(".") in FORMATS
+            )
+            if not found:
+                raise click.UsageError(
+                    f"no mesh files under {text} (read are: {', '.join(FORMATS)})"
+                )
+            yield from map(str, found)
+        elif text == STDIN or path.exists():
+            yield text
+        else:
+            raise click.UsageError(f"no such file or folder: {text}")
+
+
+def _classify_all(
+    classifier: "Classifier", files: Iterable[str], declared: str | None, top: int | None
+) -> "Iterator[Answer | Refusal]":
+    from model.errors import MeshError
+    from service.records import answer, refusal
+
+    for file in files:
+        try:
+            if file == STDIN:
+                result = classifier.classify(sys.stdin.buffer.read(), declared)
+            else:
+                result = classifier.classify(file)
+            yield answer(file, result, classifier.model, top)
+        except (MeshError, OSError) as error:
+            yield refusal(file, error)
+
+
+def _print_lines(records: "Iterable[Answer | Refusal]") -> int:
+    """Print JSON Lines as they come; returns the number of refusals."""
+    from service.records import Refusal
+
+    failures = 0
+    for record in records:
+        click.echo(record.model_dump_json(by_alias=True))
+        failures += isinstance(record, Refusal)
+    return failures
+
+
+def _with_progress(
+    records: "Iterable[Answer | Refusal]", total: int
+) -> "Iterator[Answer | Refusal]":
+    from rich.console import Console
+    from rich.progress import track
+
+    console = Console(stderr=True)
+    yield from track(
+        records,
+        "Classifying",
+        total,
+        console=console,
+        transient=True,
+        disable=total == 1 or not console.is_terminal,
+    )
+
+
+def _print_table(records: "Iterable[Answer | Refusal]") -> int:
+    """Print a table for people; returns the number of refusals."""
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.table import Table
+
+    from service.records import Refusal
+
+    table = Table(box=None, pad_edge=False)
+    for heading in ("File", "Class", "Probability", "Next", "Faces"):
+        table.add_column(heading, justify="right" if heading == "Probability" else "left")
+    failures = 0
+    for record in records:
+        name = escape(record.file or "")
+        if isinstance(record, Refusal):
+            failures += 1
+            table.add_row(name, f"[red]{escape(record.error.message)}[/red]")
+            continue
+        others = record.scores[1:TABLE_TOP]
+        table.add_row(
+            name,
+            f"[bold]{escape(record.class_)}[/bold]",
+            f"{record.probability:.1%}",
+            ", ".join(f"{escape(score.class_)} {score.probability:.1%}" for score in others),
+            _faces(record.mesh.faces_in, record.mesh.faces_used),
+        )
+    Console().print(table)
+    return failures
+
+
+def _faces(faces_in: int, faces_used: int) -> str:
+    return f"{faces_in}" if faces_in == faces_used else f"{faces_in} → {faces_used}"

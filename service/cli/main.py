@@ -1,0 +1,94 @@
+"""`meshconv3d`: the table of commands.
+
+Commands are named as text and imported when one is run: `--version` must not wait for NumPy, and
+the rooms of training and export stay unknown to this one.
+"""
+
+import importlib
+import importlib.metadata
+import logging
+import os
+import sys
+from collections.abc import Callable
+
+import click
+
+# name -> (module:function, one line of help)
+COMMANDS = {
+    "classify": ("service.cli.classify:classify", "Say what the meshes in files and folders are."),
+    "serve": ("service.cli.serve:serve", "Answer over HTTP."),
+    "inspect": ("service.cli.inspect:inspect", "Show a model's card."),
+    "train": ("model.cli:train", "Train a network on a folder of labelled meshes."),
+    "export": ("export.cli:export", "Turn a checkpoint into one ONNX file."),
+    "verify": ("export.cli:verify", "Compare an ONNX file with its checkpoint."),
+}
+
+# What the extra `train` installs, by the names under which it is imported.
+TRAIN_MODULES = {"torch", "onnx", "onnxscript", "safetensors", "matplotlib"}
+
+
+class Commands(click.Group):
+    """A group that imports a command when it is run, and knows the help of all without."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name not in COMMANDS:
+            return None
+        module, function = COMMANDS[cmd_name][0].split(":")
+        return getattr(importlib.import_module(module), function)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, line) for name, (_, line) in COMMANDS.items()])
+
+    def invoke(self, ctx: click.Context) -> object:
+        try:
+            return super().invoke(ctx)
+        except ModuleNotFoundError as error:
+            if error.name is None or error.name.split(".")[0] not in TRAIN_MODULES:
+                raise
+            raise click.ClickException(
+                f"this command needs {error.name}, which comes with an extra: "
+                "pip install torch==2.13.0 'meshconv3d[train]'"
+            ) from None
+
+
+def _print_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
+    if wanted:
+        click.echo(f"meshconv3d {importlib.metadata.version('meshconv3d')}")
+        ctx.exit()
+
+
+@click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})
+@click.option(
+    "--version",
+    is_flag=True,
+    expose_value=False,
+    is_eager=True,
+    callback=_print_version,
+    help="Print the version.",
+)
+def commands() -> None:
+    """What is this 3D mesh? MeshConv3D classifies raw triangle meshes."""
+    logging.basicConfig(format="%(levelname)s %(message)s", level=logging.WARNING)
+
+
+def main() -> None:
+    """Run the command line; a reader that closes the pipe early is no failure."""
+    run: Callable[..., object] = commands
+    try:
+        status = run(standalone_mode=False)
+        sys.stdout.flush()
+    except click.exceptions.Abort:
+        click.echo("interrupted", err=True)
+        sys.exit(130)
+    except click.ClickException as error:
+        error.show()
+        sys.exit(error.exit_code)
+    except BrokenPipeError:
+        # Python flushes stdout once more at exit, and would complain then.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(0)
+    sys.exit(status if isinstance(status, int) else 0)

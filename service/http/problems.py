@@ -1,0 +1,93 @@
+"""Every error as `application/problem+json` (RFC 9457), from one table."""
+
+from http import HTTPStatus
+
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import JSONResponse
+from pydantic import BaseModel, Field
+from starlette.exceptions import HTTPException
+
+from model.errors import MalformedFile, MeshError, UnknownFormat, UnusableMesh
+from service.http.uploads import UploadTooLarge
+
+STATUSES: dict[type[MeshError], HTTPStatus] = {
+    MalformedFile: HTTPStatus.BAD_REQUEST,
+    UnknownFormat: HTTPStatus.UNSUPPORTED_MEDIA_TYPE,
+    UnusableMesh: HTTPStatus.UNPROCESSABLE_ENTITY,
+}
+
+
+class Problem(BaseModel):
+    """A problem document. `fault` is a stable slug for programs, `detail` is for people."""
+
+    type: str = "about:blank"
+    title: str
+    status: int
+    detail: str
+    fault: str = Field(examples=["no-faces"])
+    request_id: str
+    limit: int | None = Field(None, description="the limit that was hit, if one was")
+
+
+# For the API's description: which statuses answer with a problem document.
+RESPONSES: dict[int | str, dict] = {
+    status: {"model": Problem, "description": description}
+    for status, description in {
+        400: "The request or the file is malformed.",
+        413: "The body is larger than the service accepts.",
+        415: "The format is not one that is read, or contradicts the content.",
+        422: "The file was read, but holds no mesh that can be classified.",
+    }.items()
+}
+
+
+def install_problem_handlers(app: FastAPI) -> None:
+    """Answer every error of the app, its own and the framework's, with a problem document."""
+
+    @app.exception_handler(MeshError)
+    async def mesh_error(request: Request, error: MeshError) -> JSONResponse:
+        return problem(request, STATUSES[type(error)], error.fault, str(error))
+
+    @app.exception_handler(UploadTooLarge)
+    async def too_large(request: Request, error: UploadTooLarge) -> JSONResponse:
+        status = HTTPStatus.REQUEST_ENTITY_TOO_LARGE
+        return problem(request, status, "body-too-large", str(error), error.limit)
+
+    @app.exception_handler(RequestValidationError)
+    async def invalid(request: Request, error: RequestValidationError) -> JSONResponse:
+        problems = (f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors())
+        return problem(request, HTTPStatus.BAD_REQUEST, "bad-request", "; ".join(problems))
+
+    @app.exception_handler(HTTPException)
+    async def http_error(request: Request, error: HTTPException) -> JSONResponse:
+        status = HTTPStatus(error.status_code)
+        response = problem(request, status, status.phrase.lower().replace(" ", "-"), error.detail)
+        response.headers.update(error.headers or {})
+        return response
+
+    @app.exception_handler(Exception)
+    async def unforeseen(request: Request, error: Exception) -> JSONResponse:
+        # The server logs the traceback; the client gets the id to ask about it.
+        detail = "the service failed on this request; report it with the request id"
+        return problem(request, HTTPStatus.INTERNAL_SERVER_ERROR, "internal", detail)
+
+
+def problem(
+    request: Request, status: HTTPStatus, fault: str, detail: str, limit: int | None = None
+) -> JSONResponse:
+    """One problem document as a response."""
+    document = Problem(
+        title=status.phrase,
+        status=status,
+        detail=detail,
+        fault=fault,
+        request_id=request.state.request_id,
+        limit=limit,
+    )
+    return JSONResponse(
+        document.model_dump(exclude_none=True),
+        status,
+        media_type="application/problem+json",
+        headers={"x-request-id": request.state.request_id},
+    )

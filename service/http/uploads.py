@@ -1,0 +1,90 @@
+"""The bytes of an upload, from a multipart form or the raw body, never more than the limit."""
+
+from dataclasses import dataclass
+
+from fastapi import Request
+from starlette.datastructures import UploadFile
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from model.errors import MalformedFile, UnknownFormat
+from model.loading import FORMATS
+
+MULTIPART = "multipart/form-data"
+# Types that say nothing of the format: the name, if any, and the content decide.
+OPAQUE_TYPES = {"", "application/octet-stream", "binary/octet-stream"}
+
+
+class UploadTooLarge(Exception):
+    """A request body over the limit, in bytes."""
+
+    def __init__(self, limit: int) -> None:
+        super().__init__(
+            f"the request body is larger than {limit} bytes; simplify the mesh or send a "
+            "binary format (STL, PLY, GLB)"
+        )
+        self.limit = limit
+
+
+class BodyLimit:
+    """ASGI middleware: stop reading a body at the limit, whatever its header claims."""
+
+    def __init__(self, app: ASGIApp, limit: int) -> None:
+        self.app = app
+        self.limit = limit
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] != "http":
+            await self.app(scope, receive, send)
+            return
+        received = 0
+        claimed = dict(scope["headers"]).get(b"content-length", b"0")
+
+        async def limited_receive() -> Message:
+            nonlocal received
+            message = await receive()
+            received += len(message.get("body", b""))
+            if received > self.limit or (claimed.isdigit() and int(claimed) > self.limit):
+                raise UploadTooLarge(self.limit)
+            return message
+
+        await self.app(scope, limited_receive, send)
+
+
+@dataclass(frozen=True)
+class Upload:
+    """One uploaded file. name: as declared; declared: what tells its format, or None."""
+
+    content: bytes
+    name: str | None
+    declared: str | None
+
+
+async def read_upload(request: Request) -> Upload:
+    """The mesh in a request: the multipart field `file`, or a raw body with a media type.
+
+    Raises MalformedFile for a form without that field, UnknownFormat for another media type.
+    """
+    media_type = request.headers.get("content-type", "").partition(";")[0].strip().lower()
+    if media_type == MULTIPART:
+        return await _read_form(request)
+    if media_type in OPAQUE_TYPES:
+        return Upload(await request.body(), None, None)
+    for extension, known in FORMATS.items():
+        if media_type in known.media_types:
+            return Upload(await request.body(), None, extension)
+    accepted = ", ".join(known.media_types[0] for known in FORMATS.values())
+    raise UnknownFormat(
+        "unknown-media-type",
+        f"content type {media_type!r} is not one of a mesh; send a form with the field 'file', "
+        f"or a raw body as {accepted} or application/octet-stream",
+    )
+
+
+async def _read_form(request: Request) -> Upload:
+    async with request.form(max_files=1, max_fields=10) as form:
+        file = form.get("file")
+        if not isinstance(file, UploadFile):
+            raise MalformedFile(
+                "no-file-field", "the form has no file in the field 'file': curl -F file=@mesh.obj"
+            )
+        return Upload(await file.read(), file.filename, file.filename or None)

@@ -1,0 +1,82 @@
+"""The one form in which results leave: the lines of the command line, the answers over HTTP."""
+
+from pydantic import BaseModel, Field
+
+from model.errors import MeshError
+from model.preparation import MeshReport
+from service.classifier import Classification
+from service.models import Model
+
+
+class ClassScore(BaseModel):
+    """One class with its share of the softmax and its raw score."""
+
+    class_: str = Field(serialization_alias="class", examples=["snake"])
+    probability: float = Field(examples=[0.93])
+    score: float = Field(description="logit", examples=[6.1])
+
+
+class ModelId(BaseModel):
+    """Which model answered: its name and the SHA-256 of its file."""
+
+    name: str = Field(examples=["shrec11"])
+    sha256: str
+
+
+class Answer(BaseModel):
+    """What one mesh is."""
+
+    file: str | None = Field(description="name as given, if any", examples=["snake.obj"])
+    class_: str = Field(serialization_alias="class", examples=["snake"])
+    probability: float = Field(examples=[0.93])
+    scores: list[ClassScore] = Field(description="likeliest first")
+    model: ModelId
+    mesh: MeshReport = Field(description="what preparation found and did")
+    timings_ms: dict[str, float] = Field(
+        examples=[{"read": 0.9, "prepare": 1.1, "topology": 0.5, "infer": 1.4}]
+    )
+
+
+class Reason(BaseModel):
+    """Why a file has no answer: a stable slug for programs and a message for people."""
+
+    fault: str
+    message: str
+
+
+class Refusal(BaseModel):
+    """A file that could not be classified, in the place of its answer."""
+
+    file: str | None
+    error: Reason
+
+
+def answer(
+    file: str | None, result: Classification, model: Model, top: int | None = None
+) -> Answer:
+    """The record of a result, with the `top` likeliest classes, or all."""
+    scores = [
+        ClassScore(
+            class_=result.classes[i],
+            probability=round(float(result.probabilities[i]), 6),
+            score=round(float(result.scores[i]), 5),
+        )
+        for i in result.ranking[:top]
+    ]
+    return Answer(
+        file=file,
+        class_=scores[0].class_,
+        probability=scores[0].probability,
+        scores=scores,
+        model=ModelId(name=model.card.name, sha256=model.sha256),
+        mesh=result.report,
+        timings_ms=result.timings_ms,
+    )
+
+
+def refusal(file: str | None, error: MeshError | OSError) -> Refusal:
+    """The record of a file that cannot be read or is no mesh."""
+    if isinstance(error, MeshError):
+        return Refusal(file=file, error=Reason(fault=error.fault, message=str(error)))
+    reason = Reason(fault="unreadable", message=f"cannot be opened: {error.strerror}")
+    return Refusal(file=file, error=reason)
