@@ -1,0 +1,1 @@
+"""Measurements, each repeatable with one command: `python -m benchmarks.NAME`."""
