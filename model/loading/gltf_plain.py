@@ -100,7 +100,7 @@ def _mesh(mesh: Document, document: Document, accessors: dict[int, int]) -> Docu
 
 def _nodes(document: Document, meshes: list[Document]) -> tuple[list[Document], list[int]]:
     """The nodes as far as they place triangles, and the roots of the scene."""
-    nodes = []
+    nodes: list[Document] = []
     for node in document.get("nodes", []):
         kept = only(node, _PLACEMENT)
         if "mesh" in node and meshes[index(node["mesh"], len(meshes), "meshes")]["primitives"]:
@@ -113,7 +113,8 @@ def _nodes(document: Document, meshes: list[Document]) -> tuple[list[Document], 
     if document.get("scenes"):
         roots = item(document, "scenes", document.get("scene", 0)).get("nodes", [])
     else:
-        roots = [number for number in range(len(nodes)) if number not in set(children)]
+        below = set(children)
+        roots = [number for number in range(len(nodes)) if number not in below]
     _check_tree(len(nodes), roots + children)
     return nodes, roots
 

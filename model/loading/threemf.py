@@ -115,8 +115,10 @@ def _parse(data: bytes) -> Any:
     from lxml import etree  # pyright: ignore[reportAttributeAccessIssue]: it has no stubs
 
     parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False)
-    root = etree.fromstring(data, parser)
-    if root.getroottree().docinfo.doctype:
+    # Looked for in the bytes first, before entities are expanded; then in the tree, since other
+    # encodings spell it otherwise.
+    root = None if b"<!DOCTYPE" in data else etree.fromstring(data, parser)
+    if root is None or root.getroottree().docinfo.doctype:
         raise MalformedFile("bad-header", "a part of the package has a DTD, which 3MF forbids")
     return root
 
