@@ -59,7 +59,9 @@ def _check(vertices: NDArray, faces: NDArray) -> None:
             f"{outside} of {faces.size} face corners name a vertex that does not exist "
             f"(valid: 0 to {len(vertices) - 1}); the file is damaged or was written wrongly",
         )
-    used = vertices[np.unique(faces)]
+    named = np.zeros(len(vertices), bool)
+    named[faces] = True
+    used = vertices[named]
     bad = int(np.count_nonzero(~np.isfinite(used).all(axis=1)))
     if bad:
         raise UnusableMesh(

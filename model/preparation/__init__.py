@@ -4,15 +4,16 @@
 what both did. Training, export checks, the command line and the service all come through here.
 """
 
+from typing import Literal
+
 import numpy as np
 from numpy.typing import NDArray
 
 from model.errors import UnusableMesh
 from model.mesh import Mesh
-from model.preparation import cleaning
+from model.preparation.cleaning import clean, count_components, drop_degenerate
 from model.preparation.report import MeshReport
 from model.preparation.resampling import decimate, subdivide
-from model.topology.halfedges import find_twins
 
 __all__ = ["MeshReport", "into_unit_sphere", "prepare", "surface_area"]
 
@@ -29,25 +30,7 @@ def prepare(mesh: Mesh, face_budget: int) -> tuple[Mesh, MeshReport]:
     change the topology. Raises UnusableMesh where no surface with area is left, or where
     simplification destroyed it.
     """
-    low = mesh.vertices[mesh.faces].min(axis=(0, 1))
-    high = mesh.vertices[mesh.faces].max(axis=(0, 1))
-    vertices = (mesh.vertices - low) / (high - low).max()
-    vertices_in = len(np.unique(mesh.faces))
-    vertices, faces, merged = cleaning.weld(vertices, mesh.faces)
-    faces, degenerate = cleaning.drop_degenerate(vertices, faces)
-    faces, duplicates = cleaning.drop_duplicates(faces)
-    if len(faces) == 0:
-        raise UnusableMesh(
-            "no-area",
-            f"none of the {len(mesh.faces)} faces has an area (all are lines or points)",
-        )
-    touching, _, nonmanifold = find_twins(faces, len(vertices), False)
-    flip, touching = cleaning.wind_alike(faces, touching)
-    vertices, faces, splits = cleaning.split_vertices(vertices, faces, touching)
-    faces = cleaning.turned(faces, flip)
-    twin, border, _ = find_twins(faces, len(vertices))
-    inward, components = cleaning.face_inward(vertices, faces, twin, flip)
-    faces = cleaning.turned(faces, inward)
+    vertices, faces, counts = clean(mesh)
     clean_area = surface_area(vertices, faces)
     vertices, faces, resampled = _resample(vertices, faces, face_budget)
     area_kept = surface_area(vertices, faces) / clean_area
@@ -59,35 +42,29 @@ def prepare(mesh: Mesh, face_budget: int) -> tuple[Mesh, MeshReport]:
             "export a simpler version of the mesh",
         )
     report = MeshReport(
+        **counts,
         faces_in=len(mesh.faces),
         faces_used=len(faces),
-        vertices_in=vertices_in,
-        vertices_merged=merged,
-        degenerate_dropped=degenerate,
-        duplicates_dropped=duplicates,
-        nonmanifold_edges=nonmanifold,
-        vertices_split=splits,
-        flipped=int(np.count_nonzero(flip ^ inward)),
-        components=components,
-        border_edges=border,
-        watertight=border == 0,
         resampled=resampled,
+        components_lost=counts["components"] - count_components(faces, len(vertices)),
         area_kept=round(area_kept, 4),
     )
     return Mesh(into_unit_sphere(vertices, faces), faces), report
 
 
-def _resample(vertices, faces, budget):
+def _resample(
+    vertices: NDArray[np.float64], faces: NDArray[np.int32], budget: int
+) -> tuple[NDArray[np.float64], NDArray[np.int32], Literal["none", "decimated", "subdivided"]]:
     if len(faces) > budget:
         vertices, faces = decimate(vertices, faces, budget)
-        faces, _ = cleaning.drop_degenerate(vertices, faces)
-        return vertices, faces, "decimated"
+        return vertices, drop_degenerate(vertices, faces)[0], "decimated"
     if len(faces) < budget - 1:
         return *subdivide(vertices, faces, budget), "subdivided"
     return vertices, faces, "none"
 
 
 def surface_area(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> float:
+    """Total area of the triangles, in the square of the vertices' unit."""
     a, b, c = vertices[faces].transpose(1, 0, 2)
     return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
 

@@ -1,14 +1,20 @@
 """From triangles as found to an oriented manifold, possibly with borders.
 
-Each step takes and returns plain arrays, vertices V x 3 float64 in the unit box and faces F x 3
-int32, and a count of what it changed.
+`clean` runs the steps in their order. Each step takes and returns plain arrays, vertices V x 3
+float64 in the unit box and faces F x 3 int32, and a count of what it changed.
 
 Kernels call only kernels of their own file: numba's cache does not see a change elsewhere.
 """
 
+from typing import Any
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+
+from model.errors import UnusableMesh
+from model.mesh import Mesh
+from model.topology.halfedges import find_twins
 
 # The welding grid divides each axis of the unit box into 2^21 steps, 5e-7 of the mesh's size:
 # coarser than the rounding of float32 coordinates, finer than any edge worth keeping. Three such
@@ -26,6 +32,49 @@ OPEN_VOLUME = 1e-3
 CLOSED_VOLUME = 1e-12
 
 
+def clean(mesh: Mesh) -> tuple[NDArray[np.float64], NDArray[np.int32], dict[str, Any]]:
+    """Weld, drop what has no area or is there twice, separate what only touches, orient.
+
+    Returns (vertices, faces, counts), in the unit box; counts are the fields of `MeshReport`
+    that cleaning decides. Raises UnusableMesh where no face has an area.
+    """
+    vertices, faces, merged = weld(*_into_unit_box(mesh))
+    vertices_in = len(vertices) + merged
+    faces, degenerate = drop_degenerate(vertices, faces)
+    faces, duplicates = drop_duplicates(faces)
+    if len(faces) == 0:
+        raise UnusableMesh(
+            "no-area",
+            f"none of the {len(mesh.faces)} faces has an area: all are lines or points",
+        )
+    touching, _, nonmanifold = find_twins(faces, len(vertices), False)
+    flip, touching = wind_alike(faces, touching)
+    vertices, faces, copies = split_vertices(vertices, faces, touching)
+    faces = turned(faces, flip)
+    twin, border, _ = find_twins(faces, len(vertices))
+    inward, components = face_inward(vertices, faces, twin, flip)
+    counts = {
+        "vertices_in": vertices_in,
+        "vertices_merged": merged,
+        "degenerate_dropped": degenerate,
+        "duplicates_dropped": duplicates,
+        "nonmanifold_edges": nonmanifold,
+        "vertices_split": copies,
+        "flipped": int(np.count_nonzero(flip ^ inward)),
+        "components": components,
+        "border_edges": border,
+        "watertight": border == 0,
+    }
+    return vertices, turned(faces, inward), counts
+
+
+def _into_unit_box(mesh: Mesh) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """Move the used vertices into [0, 1]^3, so that tolerances mean the same for every mesh."""
+    corners = mesh.vertices[mesh.faces].reshape(-1, 3)
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    return (mesh.vertices - low) / (high - low).max(), mesh.faces
+
+
 def weld(
     vertices: NDArray[np.float64], faces: NDArray[np.int32]
 ) -> tuple[NDArray[np.float64], NDArray[np.int32], int]:
@@ -33,7 +82,10 @@ def weld(
 
     Returns (vertices, faces, merged). The first of the merged vertices keeps its coordinates.
     """
-    used, corners = np.unique(faces, return_inverse=True)
+    named = np.zeros(len(vertices), bool)
+    named[faces] = True
+    used = np.flatnonzero(named)
+    corners = (np.cumsum(named) - 1)[faces]
     steps = np.rint(vertices[used] * ((1 << GRID_BITS) - 1)).astype(np.int64)
     keys = (steps[:, 0] << (2 * GRID_BITS)) | (steps[:, 1] << GRID_BITS) | steps[:, 2]
     _, first, merged_into = np.unique(keys, return_index=True, return_inverse=True)
@@ -42,7 +94,7 @@ def weld(
     order = np.argsort(first)
     rank = np.empty_like(order)
     rank[order] = np.arange(len(order))
-    welded = rank[merged_into][corners].reshape(faces.shape).astype(np.int32)
+    welded = rank[merged_into][corners].astype(np.int32)
     return vertices[used[first[order]]], welded, len(used) - len(first)
 
 
@@ -188,6 +240,12 @@ def face_inward(
     mostly_flipped = total(flipped) > total(~flipped)
     turn = np.where(np.abs(volumes) > least, volumes < 0, mostly_flipped)
     return turn[component], count
+
+
+def count_components(faces: NDArray[np.int32], vertex_count: int) -> int:
+    """Parts of a mesh that share no edge."""
+    twin, _, _ = find_twins(faces, vertex_count)
+    return _spread_orientation(faces, twin)[2]
 
 
 def turned(faces: NDArray[np.int32], which: NDArray[np.bool_]) -> NDArray[np.int32]:

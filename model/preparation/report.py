@@ -15,6 +15,7 @@ class MeshReport:
     only touched, in an edge or a corner. flipped: faces whose winding was turned.
     components, border_edges, watertight: of the cleaned surface, before its face count changed.
     resampled: how the face count was brought to the model's budget.
+    components_lost: small parts that simplification swallowed.
     area_kept: surface after resampling over surface before it.
     """
 
@@ -31,4 +32,5 @@ class MeshReport:
     border_edges: int
     watertight: bool
     resampled: Literal["none", "decimated", "subdivided"]
+    components_lost: int
     area_kept: float
