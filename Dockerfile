@@ -1,0 +1,27 @@
+# Serving only: no torch, no onnx. The image classifies with the model inside the package.
+
+FROM python:3.12-slim AS build
+WORKDIR /src
+RUN python -m venv /opt/meshconv3d
+ENV PATH=/opt/meshconv3d/bin:$PATH
+COPY pyproject.toml README.md LICENSE ./
+COPY model model
+COPY export export
+COPY service service
+RUN pip install --no-cache-dir .
+
+FROM python:3.12-slim
+RUN useradd --system --uid 10001 --no-create-home meshconv3d
+COPY --from=build /opt/meshconv3d /opt/meshconv3d
+# Compiled kernels are cached in the image: the first request must not wait for the compiler, and
+# the cache is found read-only at run time.
+ENV PATH=/opt/meshconv3d/bin:$PATH \
+    NUMBA_CACHE_DIR=/opt/numba \
+    MESHCONV3D_HOST=0.0.0.0 \
+    PYTHONDONTWRITEBYTECODE=1
+RUN meshconv3d classify --json "$(python -c 'import model.samples as s; print(s.FOLDER)')"
+USER meshconv3d
+EXPOSE 8000
+HEALTHCHECK --interval=10s --timeout=3s --start-period=30s \
+    CMD ["python", "-c", "import urllib.request as u; u.urlopen('http://127.0.0.1:8000/readyz', timeout=2)"]
+CMD ["meshconv3d", "serve"]
