@@ -28,6 +28,8 @@ def export(checkpoint: Path, output: Path, name: str | None, meshes: tuple[Path,
     from export.onnx_file import export_model
     from export.parity import ParityError
 
+    if not output.parent.is_dir():
+        raise click.UsageError(f"no such folder: {output.parent}")
     loaded = _load(checkpoint)
     try:
         card = export_model(loaded, output, name or output.stem, _inputs(loaded, meshes))
@@ -43,15 +45,24 @@ def export(checkpoint: Path, output: Path, name: str | None, meshes: tuple[Path,
 @click.option("--mesh", "meshes", type=EXISTING_FILE, multiple=True, help=MESHES_HELP)
 def verify(model: Path, checkpoint: Path, meshes: tuple[Path, ...]) -> None:
     """Check that MODEL computes what its checkpoint does; exits with 1 if not."""
+    import onnx
+
+    from export.metadata import ModelFileError, read_card
     from export.parity import ParityError, check_parity
 
     loaded = _load(checkpoint)
+    content = model.read_bytes()
     try:
-        parity = check_parity(
-            model.read_bytes(), loaded.network, list(_inputs(loaded, meshes).values())
+        parity = check_parity(content, loaded.network, list(_inputs(loaded, meshes).values()))
+        properties = onnx.load_model_from_string(content).metadata_props
+        card = read_card({entry.key: entry.value for entry in properties})
+    except (ParityError, ModelFileError) as error:
+        raise click.ClickException(f"{model}: {error}") from None
+    if card.config != loaded.network.config:
+        raise click.ClickException(
+            f"{model}: its card describes another network: {card.config}, "
+            f"the checkpoint's is {loaded.network.config}"
         )
-    except ParityError as error:
-        raise click.ClickException(str(error)) from None
     click.echo(f"{model} agrees with {checkpoint}: {_parity(parity)}")
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import onnxruntime as ort
 import torch
 
-from model.inputs import MeshInputs, collate
+from model.inputs import MeshInputs, collate, input_names
 from model.network import Network, as_tensors
 
 TOLERANCE = 1e-4
@@ -25,10 +25,7 @@ def check_parity(
     Returns the largest difference of each output, relative to the largest value of that output
     in torch, and what it was measured on. Raises ParityError listing every failure.
     """
-    session = ort.InferenceSession(model, providers=["CPUExecutionProvider"])
-    names = [output.name for output in session.get_outputs()]
-    if names != list(OUTPUTS):
-        raise ParityError(f"the file's outputs are {names}, expected {list(OUTPUTS)}")
+    session = _open(model, network)
     worst = dict.fromkeys(OUTPUTS, 0.0)
     failures = []
     batches = {f"mesh {i}": [mesh] for i, mesh in enumerate(meshes)}
@@ -54,6 +51,24 @@ def check_parity(
         "onnxruntime": ort.__version__,
         "torch": torch.__version__,
     }
+
+
+def _open(model: bytes, network: Network) -> ort.InferenceSession:
+    """The file, which must take and give by name what the network does. Raises ParityError."""
+    try:
+        session = ort.InferenceSession(model, providers=["CPUExecutionProvider"], enable_fallback=0)
+    except Exception as error:
+        # Damaged bytes make onnxruntime raise nearly anything.
+        reason = str(error).partition("\n")[0]
+        raise ParityError(f"the file is damaged or is no ONNX model: {reason}") from None
+    for kind, found, expected in (
+        ("inputs", session.get_inputs(), input_names(network.config.levels)),
+        ("outputs", session.get_outputs(), list(OUTPUTS)),
+    ):
+        names = [value.name for value in found]
+        if names != expected:
+            raise ParityError(f"the file's {kind} are {names}, expected {expected}")
+    return session
 
 
 def relative_difference(ours: np.ndarray, theirs: np.ndarray) -> float:

@@ -5,15 +5,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import onnxruntime as ort
-from onnxruntime.capi.onnxruntime_pybind11_state import (
-    Fail,
-    InvalidGraph,
-    InvalidProtobuf,
-    NoSuchFile,
-)
-from onnxruntime.capi.onnxruntime_pybind11_state import (
-    NotImplemented as UnsupportedGraph,
-)
 
 from export.metadata import ModelCard, ModelFileError, read_card
 from model.inputs import input_names
@@ -62,12 +53,17 @@ def open_model(name_or_path: str, threads: int = 1) -> Model:
     options.intra_op_num_threads = threads
     options.log_severity_level = 3  # errors reach the caller as exceptions; no warnings on stderr
     try:
-        session = ort.InferenceSession(content, options, providers=["CPUExecutionProvider"])
-    except (Fail, InvalidGraph, InvalidProtobuf, NoSuchFile, UnsupportedGraph) as error:
-        reason = str(error).splitlines()[0]
+        # Without fallback: it would print to stdout and then fail in the same way.
+        session = ort.InferenceSession(
+            content, options, providers=["CPUExecutionProvider"], enable_fallback=0
+        )
+        properties = session.get_modelmeta().custom_metadata_map
+    except Exception as error:
+        # Damaged bytes make onnxruntime raise nearly anything, UnicodeDecodeError included.
+        reason = str(error).partition("\n")[0]
         raise ModelFileError(f"{path} is damaged or is no ONNX model: {reason}") from None
     try:
-        card = read_card(session.get_modelmeta().custom_metadata_map)
+        card = read_card(properties)
     except ModelFileError as error:
         raise ModelFileError(f"{path}: {error}") from None
     _check_graph(path, session, card)
