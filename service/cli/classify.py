@@ -1,15 +1,17 @@
 """`meshconv3d classify`: files and folders in, a record for each file out."""
 
+import os
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 if TYPE_CHECKING:
     from service.classifier import Classifier
     from service.records import Answer, Refusal
+    from service.settings import Settings
 
 STDIN = "-"
 TABLE_TOP = 3
@@ -37,23 +39,38 @@ def classify(
     if every file was classified, 1 if some were not, 2 if the call itself is wrong.
     """
     files = list(_expand(paths))
+    if declared and STDIN not in files:
+        raise click.UsageError("--format is for standard input; name it as -")
     classifier = load_classifier(model)
-    records = _classify_all(classifier, files, declared, top)
     if as_json or not sys.stdout.isatty():
-        failures = _print_lines(records)
+        failures = _print_lines(_classify_all(classifier, files, declared, top))
     else:
+        records = _classify_all(classifier, files, declared, top or TABLE_TOP)
         failures = _print_table(_with_progress(records, len(files)))
     ctx.exit(1 if failures else 0)
+
+
+def read_settings(flags: "Mapping[str, Any]") -> "Settings":
+    """The settings, with the flags that were given over them; a bad one is a usage error."""
+    from pydantic import ValidationError
+
+    from service.settings import Settings
+
+    given = {name: value for name, value in flags.items() if value is not None}
+    try:
+        return Settings.model_validate({**Settings().model_dump(), **given})
+    except ValidationError as error:
+        problems = [f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors()]
+        raise click.UsageError("bad setting: " + "; ".join(problems)) from None
 
 
 def load_classifier(model: str | None) -> "Classifier":
     """The classifier for a --model value or the settings' default; a bad one is a usage error."""
     from export.metadata import ModelFileError
     from service.classifier import Classifier
-    from service.settings import Settings
 
     try:
-        return Classifier.load(model or Settings().model)
+        return Classifier.load(model or read_settings({}).model)
     except ModelFileError as error:
         raise click.UsageError(str(error)) from None
 
@@ -93,9 +110,14 @@ def _classify_all(
                 result = classifier.classify(sys.stdin.buffer.read(), declared)
             else:
                 result = classifier.classify(file)
-            yield answer(file, result, classifier.model, top)
+            yield answer(_readable(file), result, classifier.model, top)
         except (MeshError, OSError) as error:
-            yield refusal(file, error)
+            yield refusal(_readable(file), error)
+
+
+def _readable(file: str) -> str:
+    """A file name as text; bytes that are no UTF-8, which JSON cannot hold, are replaced."""
+    return os.fsencode(file).decode(errors="replace")
 
 
 def _print_lines(records: "Iterable[Answer | Refusal]") -> int:
@@ -135,25 +157,33 @@ def _print_table(records: "Iterable[Answer | Refusal]") -> int:
     from service.records import Refusal
 
     table = Table(box=None, pad_edge=False)
-    for heading in ("File", "Class", "Probability", "Next", "Faces"):
-        table.add_column(heading, justify="right" if heading == "Probability" else "left")
-    failures = 0
+    table.add_column("File", overflow="fold")
+    table.add_column("Class")
+    table.add_column("Probability", justify="right")
+    table.add_column("Next")
+    table.add_column("Faces", no_wrap=True)
+    refused: list[Refusal] = []
     for record in records:
         name = escape(record.file or "")
         if isinstance(record, Refusal):
-            failures += 1
-            table.add_row(name, f"[red]{escape(record.error.message)}[/red]")
+            refused.append(record)
+            table.add_row(name, f"[red]{escape(record.error.fault)}[/red]")
             continue
-        others = record.scores[1:TABLE_TOP]
         table.add_row(
             name,
             f"[bold]{escape(record.class_)}[/bold]",
             f"{record.probability:.1%}",
-            ", ".join(f"{escape(score.class_)} {score.probability:.1%}" for score in others),
+            ", ".join(
+                f"{escape(score.class_)} {score.probability:.1%}" for score in record.scores[1:]
+            ),
             _faces(record.mesh.faces_in, record.mesh.faces_used),
         )
-    Console().print(table)
-    return failures
+    console = Console(highlight=False)
+    console.print(table)
+    for record in refused:  # below: a sentence in a column would squeeze all others
+        line = f"{escape(record.file or '')}: {escape(record.error.message)}"
+        console.print(f"[red]{line}[/red]", soft_wrap=True)
+    return len(refused)
 
 
 def _faces(faces_in: int, faces_used: int) -> str:

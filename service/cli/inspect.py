@@ -6,9 +6,9 @@ import click
 
 
 @click.command()
-@click.argument("model", default="shrec11")
+@click.argument("model", required=False)
 @click.option("--json", "as_json", is_flag=True, help="The card as JSON.")
-def inspect(model: str, as_json: bool) -> None:
+def inspect(model: str | None, as_json: bool) -> None:
     """Show the card of MODEL, a shipped model's name or a model file. [default: shrec11]"""
     from service.cli.classify import load_classifier
 

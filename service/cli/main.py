@@ -53,6 +53,10 @@ class Commands(click.Group):
                 f"this command needs {error.name}, which comes with an extra: "
                 "pip install torch==2.13.0 'meshconv3d[train]'"
             ) from None
+        except BrokenPipeError:
+            # Here, since click would make it exit code 1.
+            _drop_output()
+            ctx.exit(0)
 
 
 def _print_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
@@ -88,7 +92,11 @@ def main() -> None:
         error.show()
         sys.exit(error.exit_code)
     except BrokenPipeError:
-        # Python flushes stdout once more at exit, and would complain then.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _drop_output()
         sys.exit(0)
     sys.exit(status if isinstance(status, int) else 0)
+
+
+def _drop_output() -> None:
+    """Send what is left to nowhere: Python flushes stdout at exit, and would complain then."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -1,5 +1,7 @@
 """`meshconv3d serve`: the HTTP service under uvicorn."""
 
+import signal
+
 import click
 
 
@@ -15,17 +17,16 @@ def serve(**flags: str | int | None) -> None:
     Every option can also be set as a variable: MESHCONV3D_MODEL, MESHCONV3D_HOST, and so on.
     """
     import uvicorn
-    from pydantic import ValidationError
 
-    from service.cli.classify import load_classifier
+    from service.cli.classify import load_classifier, read_settings
     from service.http.app import create_app
-    from service.settings import Settings
 
-    given = {name: value for name, value in flags.items() if value is not None}
-    try:
-        settings = Settings.model_validate({**Settings().model_dump(), **given})
-    except ValidationError as error:
-        problems = [f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors()]
-        raise click.UsageError("bad setting: " + "; ".join(problems)) from None
+    # To be stopped is no failure. The server drains first, then raises the signal once more.
+    signal.signal(signal.SIGTERM, _stop)
+    settings = read_settings(flags)
     app = create_app(load_classifier(settings.model), settings)
     uvicorn.run(app, host=settings.host, port=settings.port, server_header=False)
+
+
+def _stop(*_: object) -> None:
+    raise SystemExit(0)
