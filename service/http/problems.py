@@ -11,6 +11,8 @@ from starlette.exceptions import HTTPException
 from model.errors import MalformedFile, MeshError, UnknownFormat, UnusableMesh
 from service.http.uploads import UploadTooLarge
 
+PROBLEM_JSON = "application/problem+json"
+
 STATUSES: dict[type[MeshError], HTTPStatus] = {
     MalformedFile: HTTPStatus.BAD_REQUEST,
     UnknownFormat: HTTPStatus.UNSUPPORTED_MEDIA_TYPE,
@@ -32,7 +34,10 @@ class Problem(BaseModel):
 
 # For the API's description: which statuses answer with a problem document.
 RESPONSES: dict[int | str, dict] = {
-    status: {"model": Problem, "description": description}
+    status: {
+        "description": description,
+        "content": {PROBLEM_JSON: {"schema": Problem.model_json_schema()}},
+    }
     for status, description in {
         400: "The request or the file is malformed.",
         413: "The body is larger than the service accepts.",
@@ -88,6 +93,6 @@ def problem(
     return JSONResponse(
         document.model_dump(exclude_none=True),
         status,
-        media_type="application/problem+json",
+        media_type=PROBLEM_JSON,
         headers={"x-request-id": request.state.request_id},
     )

@@ -1,6 +1,7 @@
 """The bytes of an upload, from a multipart form or the raw body, never more than the limit."""
 
 from dataclasses import dataclass
+from pathlib import PurePath
 
 from fastapi import Request
 from starlette.datastructures import UploadFile
@@ -87,4 +88,6 @@ async def _read_form(request: Request) -> Upload:
             raise MalformedFile(
                 "no-file-field", "the form has no file in the field 'file': curl -F file=@mesh.obj"
             )
-        return Upload(await file.read(), file.filename, file.filename or None)
+        name = file.filename or ""
+        # A name without an extension declares no format: the content decides, as for a path.
+        return Upload(await file.read(), name or None, PurePath(name).suffix or None)
