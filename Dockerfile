@@ -19,7 +19,7 @@ ENV PATH=/opt/meshconv3d/bin:$PATH \
     NUMBA_CACHE_DIR=/opt/numba \
     MESHCONV3D_HOST=0.0.0.0 \
     PYTHONDONTWRITEBYTECODE=1
-RUN meshconv3d classify --json "$(python -c 'import model.samples as s; print(s.FOLDER)')"
+RUN meshconv3d classify --json "$(python -c 'import model.samples as s; print(s.__path__[0])')"
 USER meshconv3d
 EXPOSE 8000
 HEALTHCHECK --interval=10s --timeout=3s --start-period=30s \
