@@ -77,6 +77,15 @@ def _connected_sum(one: list[tuple[int, ...]], two: list[tuple[int, ...]]) -> li
     return one[:-1] + [tuple(name.get(v, v + start) for v in face) for face in two[:-1]]
 
 
+def in_four(faces: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Every face cut into four at the middles of its sides: nothing is narrow any more."""
+    edges = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], -1).reshape(-1, 2), axis=1)
+    _, middle = np.unique(edges, axis=0, return_inverse=True)
+    (a, b, c), (d, e, f) = faces.T, (middle.reshape(-1, 3) + faces.max() + 1).T
+    cut = [(a, d, f), (d, b, e), (f, e, c), (d, e, f)]
+    return np.concatenate([np.stack(face, axis=-1) for face in cut]).astype(np.int32)
+
+
 def _without_some(rng: np.random.Generator, faces: NDArray[np.int32]) -> NDArray[np.int32]:
     kept = rng.random(len(faces)) < rng.uniform(0.5, 1)
     kept[rng.integers(len(faces))] = True
@@ -94,7 +103,7 @@ def _side_by_side(parts: list[NDArray[np.int32]]) -> NDArray[np.int32]:
     return np.concatenate([part + start for part, start in zip(parts, starts, strict=False)])
 
 
-MANIFOLD = ("closed", "bordered", "single", "components")
+MANIFOLD = ("closed", "fine", "bordered", "single", "components")
 EVERY_KIND = (*MANIFOLD, "non-manifold")
 
 
@@ -109,6 +118,8 @@ def triangles(draw: st.DrawFn, kinds: tuple[str, ...] = EVERY_KIND, most: int = 
         faces = np.array([[0, 1, 2]])
     elif kind == "closed":
         faces = closed_surface(rng, handles, size, flips)
+    elif kind == "fine":
+        faces = in_four(closed_surface(rng, handles, size // 4, flips))
     elif kind == "bordered":
         faces = _without_some(rng, closed_surface(rng, handles, size, flips))
     elif kind == "components":

@@ -1,0 +1,142 @@
+"""Pooling against the paper's steps, done by merging the corners of each chosen face."""
+
+from collections import defaultdict
+
+import numpy as np
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from model.topology.halfedges import find_twins
+from model.topology.pooling import SLACK, pool_faces
+from tests.meshes import sheet
+from tests.surfaces import triangles
+
+
+class NotSimple(Exception):
+    """Merging corners would glue the surface together where it only comes close."""
+
+
+def faces_by_edge(faces: dict[int, tuple]) -> dict[frozenset, list[int]]:
+    edges = defaultdict(list)
+    for f, (a, b, c) in faces.items():
+        for edge in ((a, b), (b, c), (c, a)):
+            edges[frozenset(edge)].append(f)
+    return edges
+
+
+def neighbours_by_dictionary(faces: dict[int, tuple]) -> dict[int, set[int]]:
+    near = {f: set() for f in faces}
+    for one, *others in faces_by_edge(faces).values():
+        if len(others) != 1:
+            raise NotSimple
+        near[one].add(others[0])
+        near[others[0]].add(one)
+    return near
+
+
+def merge_corners(faces: dict[int, tuple], centre: int) -> dict[int, tuple]:
+    """Merge the corners of a face; drop what degenerates, and pairs left lying on each other."""
+    around = defaultdict(set)
+    for face in faces.values():
+        for v in face:
+            around[v] |= {*face} - {v}
+    known = {frozenset(face) for face in faces.values()}
+    a, b, c = faces[centre]
+    for v, w in ((a, b), (b, c), (c, a)):
+        # A vertex next to both ends comes to lie on itself. That is sound where faces fill the
+        # triangle between: at the edge's own two faces, and fanning out from there.
+        common = around[v] & around[w]
+        filled = {u for u in common if {v, w, u} in known}
+        while more := {
+            u
+            for u in common - filled
+            if any({v, t, u} in known and {w, t, u} in known for t in filled)
+        }:
+            filled |= more
+        if common != filled:
+            raise NotSimple
+    merged = {f: tuple(a if v in (a, b, c) else v for v in face) for f, face in faces.items()}
+    lying = defaultdict(list)
+    for f, face in merged.items():
+        if len({*face}) == 3:
+            lying[frozenset(face)].append(f)
+    if any(len(pile) > 2 for pile in lying.values()):
+        raise NotSimple
+    return {f: merged[f] for pile in lying.values() if len(pile) == 1 for f in pile}
+
+
+def pool_by_the_paper(faces: dict[int, tuple], features, target) -> tuple[dict, dict]:
+    """Steps 1 to 6, one face after the other.
+
+    Returns {survivor: the faces whose mean it becomes} and {survivor: its neighbours}.
+    """
+    members = {f: {f} for f in faces}
+    while len(faces) > target:
+        near = neighbours_by_dictionary(faces)
+        mean = {f: np.mean([features[m] for m in members[f]], axis=0) for f in faces}
+        weight = {f: sum(np.sum((mean[f] - mean[n]) ** 2) for n in near[f]) for f in faces}
+        marked: set[int] = set()
+        left, gathered = faces, {f: set(members[f]) for f in faces}
+        for f in sorted(faces, key=lambda f: (weight[f], f)):
+            if len(left) <= target:
+                break
+            gone = {f} | near[f]
+            region = gone.union(*(near[n] for n in gone))
+            if region & marked or region == gone:
+                continue
+            trial = merge_corners(left, f)
+            if not trial or len(trial) < target - SLACK:
+                continue
+            before, after = neighbours_by_dictionary(left), neighbours_by_dictionary(trial)
+            marked |= region | {g for g in left if before[g] != after.get(g)}
+            for survivor in region - gone:
+                for n in near[survivor] & gone:
+                    gathered[survivor] |= members[n]
+            left = trial
+        if left is faces:
+            break
+        faces, members = left, gathered
+    return {f: members[f] for f in faces}, neighbours_by_dictionary(faces)
+
+
+def pool_by_kernel(faces, features, target) -> tuple[dict, dict]:
+    """The same two dictionaries from the half-edge kernel."""
+    twin, _, _ = find_twins(faces, int(faces.max()) + 1)
+    kept, twin, index = pool_faces(twin, features, target)
+    members, near = {}, {}
+    for row, f in enumerate(kept.tolist()):
+        members[f] = {m - 1 for m in index[row].tolist() if m}
+        near[f] = {int(kept[t // 3]) for t in twin[3 * row : 3 * row + 3]}
+    return members, near
+
+
+@given(triangles(kinds=("fine",), most=240), st.integers(0, 2**32 - 1), st.floats(0.4, 1))
+def test_pooling_is_the_papers_selection_and_merges_corners(surface, seed, share):
+    faces = surface.faces
+    features = np.random.default_rng(seed).random((len(faces), 3))
+    target = round(share * len(faces))
+    try:
+        expected = pool_by_the_paper(dict(enumerate(faces.tolist())), features, target)
+    except NotSimple:
+        assume(False)
+        raise
+    assert pool_by_kernel(faces, features, target) == expected
+
+
+def test_the_first_face_to_collapse_is_most_like_the_neighbours_it_has():
+    faces = sheet(6, 6).faces
+    twin, _, _ = find_twins(faces, int(faces.max()) + 1)
+    near = [[t // 3 for t in row if t >= 0] for row in twin.reshape(-1, 3)]
+    at_border = set()
+    for seed in range(60):
+        features = np.random.default_rng(seed).random((len(faces), 2))
+        # A missing neighbour counts as the mean of the others.
+        weights = [
+            np.mean([np.sum((features[f] - features[n]) ** 2) for n in near[f]])
+            for f in range(len(faces))
+        ]
+        kept, _, _ = pool_faces(twin, features, len(faces) - 1)
+        lightest = int(np.argmin(weights))
+        at_border.add(len(near[lightest]) < 3)
+        assert {*range(len(faces))} - {*kept} >= {lightest, *near[lightest]}
+    assert at_border == {True, False}
