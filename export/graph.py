@@ -7,6 +7,7 @@ import copy
 from itertools import pairwise
 
 from torch import Tensor, nn
+from torch.nn.functional import pad
 from torch.nn.utils.fusion import fuse_linear_bn_eval
 
 from model.layers import Descriptor, PatchConvolution
@@ -23,6 +24,9 @@ class ExportedNetwork(nn.Module):
     def forward(self, terms: Tensor, *indices: Tensor) -> tuple[Tensor, Tensor]:
         levels = self.network.config.levels
         patches, pools, (readout,) = indices[:levels], indices[levels:-1], indices[-1:]
+        if self.network.config.patch_size == 1:
+            # ONNX cannot reshape a table without neighbours; a null face for one says the same.
+            patches = [pad(patch, (0, 1)) for patch in patches]
         return self.network(terms, patches, pools, readout)
 
 

@@ -90,13 +90,14 @@ def read_card(properties: Mapping[str, str]) -> ModelCard:
             probe=dict(values["probe"]),
             format_version=version,
         )
+        preparation = values["preparation"]
     except ModelFileError:
         raise
     except (KeyError, TypeError, ValueError) as error:
         raise ModelFileError(f"the model file's metadata is damaged: {error!r}") from None
-    if values.get("preparation") != card.preparation:
+    if preparation != card.preparation:
         raise ModelFileError(
-            f"the model wants meshes prepared as {values.get('preparation')}, "
+            f"the model wants meshes prepared as {preparation}, "
             f"this version prepares them as {card.preparation}"
         )
     return card
