@@ -1,4 +1,4 @@
-"""What tests in several rooms share: a small network's settings, and the real data where it is."""
+"""What tests in several rooms share: a small network and its files, and the real data."""
 
 import tarfile
 from pathlib import Path
@@ -36,3 +36,34 @@ def config() -> NetworkConfig:
         descriptor_hidden=8,
         descriptor_channels=6,
     )
+
+
+@pytest.fixture(scope="session")
+def checkpoint_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A checkpoint of a small, untrained network over three classes."""
+    from model.checkpoint import Checkpoint, save_checkpoint
+    from tests.networks import untrained
+
+    small = NetworkConfig(
+        classes=("ball", "box", "ring"),
+        channels=(8, 12, 16),
+        descriptor_hidden=8,
+        descriptor_channels=6,
+    )
+    path = tmp_path_factory.mktemp("checkpoint") / "tiny.safetensors"
+    training = {"data": {"name": "none"}, "accuracy": {"test": 0.25}}
+    save_checkpoint(Checkpoint(untrained(small), training), path)
+    return path
+
+
+@pytest.fixture(scope="session")
+def model_file(checkpoint_file: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """That checkpoint as `meshconv3d export` writes it: `tiny.onnx`."""
+    from click.testing import CliRunner
+
+    from service.cli.main import commands
+
+    path = tmp_path_factory.mktemp("model") / "tiny.onnx"
+    result = CliRunner().invoke(commands, ["export", str(checkpoint_file), "-o", str(path)])
+    assert result.exit_code == 0, result.output
+    return path

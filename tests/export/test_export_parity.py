@@ -1,0 +1,120 @@
+"""The exported file computes what torch does, on every kind of mesh, alone and in a batch."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import onnxruntime as ort
+import pytest
+import torch
+
+from export.onnx_file import export_model
+from export.parity import TOLERANCE
+from model.checkpoint import Checkpoint
+from model.config import NetworkConfig
+from model.inputs import MeshInputs, collate, mesh_inputs
+from model.mesh import Mesh
+from model.network import Network, as_tensors
+from tests.meshes import cube, icosphere, moebius, sheet, together, torus
+from tests.networks import untrained
+
+# Not prepared: the graph must bear any number of faces, down to one.
+MESHES: Mapping[str, Mesh] = {
+    "closed": torus(),
+    "bordered": sheet(),
+    "one face": Mesh(np.eye(3), [[0, 1, 2]]),
+    "two loose faces": together(Mesh(np.eye(3), [[0, 1, 2]]), Mesh(np.eye(3) + 3, [[0, 1, 2]])),
+    "components": together(torus(12, 6), cube(), sheet(3, 2)),
+    "one-sided": moebius(),
+    "large": icosphere(3),
+}
+CONFIGS = {
+    "reference": {},
+    "face only": {"patch_size": 1},
+    "wide patch": {"patch_size": 24},
+    "two convolutions": {"convolutions": 2},
+    "two levels": {"channels": (8, 12), "targets": (300, 100)},
+    "four levels": {"channels": (8, 8, 12, 12), "targets": (400, 300, 200, 50)},
+    "one class": {"classes": ("thing",)},
+}
+
+
+class Exported:
+    """One network, its file, and the meshes as it takes them."""
+
+    def __init__(self, network: Network, path: Path) -> None:
+        self.network = network
+        self.config = network.config
+        self.inputs = {name: mesh_inputs(mesh, self.config) for name, mesh in MESHES.items()}
+        # Traced on ordinary meshes only: the others must not need to be known beforehand.
+        known = {name: self.inputs[name] for name in ("closed", "bordered")}
+        self.card = export_model(Checkpoint(network), path, "tiny", known)
+        self.session = ort.InferenceSession(path, providers=["CPUExecutionProvider"])
+
+    def run(self, batch: list[MeshInputs]) -> dict[str, np.ndarray]:
+        outputs = self.session.run(["scores", "evidence"], collate(batch))
+        return dict(zip(("scores", "evidence"), map(np.asarray, outputs), strict=True))
+
+    def torch(self, batch: list[MeshInputs]) -> dict[str, np.ndarray]:
+        with torch.inference_mode():
+            outputs = self.network(*as_tensors(collate(batch), self.config.levels))
+        names = ("scores", "evidence")
+        return {name: value.numpy() for name, value in zip(names, outputs, strict=True)}
+
+
+@pytest.fixture(scope="module", params=CONFIGS.values(), ids=CONFIGS.keys())
+def exported(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Exported:
+    small = {
+        "classes": ("ball", "box", "ring"),
+        "channels": (8, 12, 16),
+        "descriptor_hidden": 8,
+        "descriptor_channels": 6,
+    }
+    network = untrained(NetworkConfig(**small | request.param))
+    return Exported(network, tmp_path_factory.mktemp("export") / "tiny.onnx")
+
+
+def test_each_mesh_alone(exported: Exported) -> None:
+    for name, inputs in exported.inputs.items():
+        assert_close(exported.run([inputs]), exported.torch([inputs]), name)
+
+
+def test_all_meshes_in_one_ragged_batch(exported: Exported) -> None:
+    batch = list(exported.inputs.values())
+    assert_close(exported.run(batch), exported.torch(batch), "batch")
+
+
+def test_a_batch_scores_each_mesh_as_alone(exported: Exported) -> None:
+    together = exported.run(list(exported.inputs.values()))["scores"]
+    alone = [exported.run([inputs])["scores"][0] for inputs in exported.inputs.values()]
+    np.testing.assert_allclose(together, alone, rtol=1e-4, atol=1e-4 * np.abs(together).max())
+
+
+def test_scores_are_the_bias_plus_the_mean_of_the_evidence(exported: Exported) -> None:
+    """So that evidence adds up to the score, and can be shown as its reason."""
+    batch = list(exported.inputs.values())
+    outputs = exported.run(batch)
+    bias = exported.network.classify.bias.detach().numpy()
+    counts = [inputs.topology.face_counts[-1] for inputs in batch]
+    assert len(outputs["evidence"]) == sum(counts)
+    shares = np.split(outputs["evidence"], np.cumsum(counts)[:-1])
+    for name, score, share in zip(MESHES, outputs["scores"], shares, strict=True):
+        np.testing.assert_allclose(
+            score, bias + share.mean(axis=0), rtol=1e-4, atol=1e-4, err_msg=name
+        )
+
+
+def test_the_cards_parity_is_within_the_tolerance(exported: Exported) -> None:
+    parity = exported.card.parity
+    assert parity["tolerance"] == TOLERANCE
+    assert parity["meshes"] == 2
+    assert 0 <= parity["scores"] <= TOLERANCE
+    assert 0 <= parity["evidence"] <= TOLERANCE
+
+
+def assert_close(ours: dict[str, np.ndarray], theirs: dict[str, np.ndarray], title: str) -> None:
+    for name, value in theirs.items():
+        scale = float(np.abs(value).max())
+        np.testing.assert_allclose(
+            ours[name], value, rtol=0, atol=TOLERANCE * scale, err_msg=f"{title}: {name}"
+        )
