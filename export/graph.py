@@ -6,8 +6,8 @@ A wrapper of its own, so that the training module stays free of export matters.
 import copy
 from itertools import pairwise
 
+import torch
 from torch import Tensor, nn
-from torch.nn.functional import pad
 from torch.nn.utils.fusion import fuse_linear_bn_eval
 
 from model.layers import Descriptor, PatchConvolution
@@ -26,7 +26,7 @@ class ExportedNetwork(nn.Module):
         patches, pools, (readout,) = indices[:levels], indices[levels:-1], indices[-1:]
         if self.network.config.patch_size == 1:
             # ONNX cannot reshape a table without neighbours; a null face for one says the same.
-            patches = [pad(patch, (0, 1)) for patch in patches]
+            patches = [torch.cat([patch, torch.zeros_like(patch)], dim=1) for patch in patches]
         return self.network(terms, patches, pools, readout)
 
 
