@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
+import onnx
 import onnxruntime as ort
 import pytest
 import torch
@@ -30,12 +31,23 @@ MESHES: Mapping[str, Mesh] = {
 }
 CONFIGS = {
     "reference": {},
-    "face only": {"patch_size": 1},
-    "wide patch": {"patch_size": 24},
-    "two convolutions": {"convolutions": 2},
-    "two levels": {"channels": (8, 12), "targets": (300, 100)},
+    "wide patch, two convolutions": {"patch_size": 24, "convolutions": 2},
+    "face only, two levels, one class": {
+        "patch_size": 1,
+        "channels": (8, 12),
+        "targets": (300, 100),
+        "classes": ("thing",),
+    },
     "four levels": {"channels": (8, 8, 12, 12), "targets": (400, 300, 200, 50)},
-    "one class": {"classes": ("thing",)},
+}
+
+# What a graph may consist of: gathers, arithmetic, matrix products, and matters of shape.
+ALLOWED = {
+    "Gather",
+    *("Add", "Sub", "Mul", "Div", "Abs", "Clip", "Max", "Relu", "ReduceSum"),
+    *("MatMul", "Gemm", "Transpose"),
+    *("Cast", "Concat", "Constant", "ConstantOfShape", "Expand", "Greater", "Equal"),
+    *("Identity", "Reshape", "Shape", "Slice", "Squeeze", "Unsqueeze"),
 }
 
 
@@ -44,6 +56,7 @@ class Exported:
 
     def __init__(self, network: Network, path: Path) -> None:
         self.network = network
+        self.path = path
         self.config = network.config
         self.inputs = {name: mesh_inputs(mesh, self.config) for name, mesh in MESHES.items()}
         # Traced on ordinary meshes only: the others must not need to be known beforehand.
@@ -102,6 +115,12 @@ def test_scores_are_the_bias_plus_the_mean_of_the_evidence(exported: Exported) -
         np.testing.assert_allclose(
             score, bias + share.mean(axis=0), rtol=1e-4, atol=1e-4, err_msg=name
         )
+
+
+def test_the_graph_gathers_and_multiplies_and_nothing_else(exported: Exported) -> None:
+    operations = {node.op_type for node in onnx.load(exported.path).graph.node}
+    assert operations - ALLOWED == set()
+    assert operations >= {"Gather", "ReduceSum"}
 
 
 def test_the_cards_parity_is_within_the_tolerance(exported: Exported) -> None:

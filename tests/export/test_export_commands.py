@@ -1,0 +1,128 @@
+"""`meshconv3d export`, `verify` and `inspect` from end to end."""
+
+import json
+from pathlib import Path
+
+import onnx
+import pytest
+from click.testing import CliRunner, Result
+
+from export.metadata import PREFIX
+from model.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
+from model.config import NetworkConfig
+from model.samples import sample_paths
+from service.cli.main import commands
+from tests.networks import untrained
+
+
+def run(*arguments: object) -> Result:
+    result = CliRunner().invoke(commands, [str(argument) for argument in arguments])
+    assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
+    return result
+
+
+@pytest.fixture(scope="module")
+def other_checkpoint(checkpoint_file: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Of the same shape, with other weights."""
+    config = load_checkpoint(checkpoint_file).network.config
+    path = tmp_path_factory.mktemp("other") / "other.safetensors"
+    save_checkpoint(Checkpoint(untrained(config, seed=1)), path)
+    return path
+
+
+def test_export_names_the_model_and_tells_its_parity(checkpoint_file: Path, tmp_path: Path) -> None:
+    path = tmp_path / "file.onnx"
+    mesh = sample_paths()["ants"]
+    result = run("export", checkpoint_file, "-o", path, "--name", "things", "--mesh", mesh)
+    assert result.exit_code == 0
+    assert str(path) in result.stdout
+    card = json.loads(run("inspect", path, "--json").stdout)
+    assert card["name"] == "things"
+    assert card["parity"]["meshes"] == len(sample_paths()) + 1
+    assert card["accuracy"] == {"test": 0.25}
+    assert card["training"] == {"data": {"name": "none"}}
+    assert card["probe"]["sample"] in sample_paths()
+    assert [file.name for file in tmp_path.iterdir()] == ["file.onnx"]
+
+
+def test_export_to_a_missing_folder_is_a_usage_error(checkpoint_file: Path, tmp_path: Path) -> None:
+    result = run("export", checkpoint_file, "-o", tmp_path / "no" / "file.onnx")
+    assert result.exit_code == 2
+    assert "no such folder" in result.stderr
+
+
+def test_export_of_what_is_no_checkpoint_fails(model_file: Path, tmp_path: Path) -> None:
+    result = run("export", model_file, "-o", tmp_path / "file.onnx")
+    assert result.exit_code == 1
+    assert f"{model_file} is not a safetensors file" in result.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_export_refuses_a_mesh_that_cannot_be_compared_on(
+    checkpoint_file: Path, tmp_path: Path
+) -> None:
+    mesh = tmp_path / "points.obj"
+    mesh.write_text("v 0 0 0\n")
+    result = run("export", checkpoint_file, "-o", tmp_path / "file.onnx", "--mesh", mesh)
+    assert result.exit_code == 1
+    assert str(mesh) in result.stderr
+    assert "no triangles" in result.stderr
+    assert list(tmp_path.iterdir()) == [mesh]
+
+
+def test_verify_agrees_with_the_own_checkpoint(model_file: Path, checkpoint_file: Path) -> None:
+    result = run("verify", model_file, "--checkpoint", checkpoint_file)
+    assert result.exit_code == 0
+    assert f"{model_file} agrees with {checkpoint_file}" in result.stdout
+
+
+def test_verify_fails_on_other_weights(model_file: Path, other_checkpoint: Path) -> None:
+    result = run("verify", model_file, "--checkpoint", other_checkpoint)
+    assert result.exit_code == 1
+    assert "does not compute what the checkpoint does" in result.stderr
+
+
+def test_verify_fails_on_another_shape(model_file: Path, tmp_path: Path) -> None:
+    config = NetworkConfig(classes=("a", "b"), channels=(4,), targets=(200,))
+    path = tmp_path / "shallow.safetensors"
+    save_checkpoint(Checkpoint(untrained(config)), path)
+    result = run("verify", model_file, "--checkpoint", path)
+    assert result.exit_code == 1
+    assert "inputs are" in result.stderr
+
+
+def test_verify_fails_when_the_card_swaps_classes(
+    model_file: Path, checkpoint_file: Path, tmp_path: Path
+) -> None:
+    """The graph alone cannot tell: its scores have no names."""
+    graph = onnx.load(model_file)
+    (entry,) = (entry for entry in graph.metadata_props if entry.key == PREFIX + "config")
+    entry.value = json.dumps(json.loads(entry.value) | {"classes": ["box", "ball", "ring"]})
+    path = tmp_path / "swapped.onnx"
+    path.write_bytes(graph.SerializeToString())
+    result = run("verify", path, "--checkpoint", checkpoint_file)
+    assert result.exit_code == 1
+    assert "its card describes another network" in result.stderr
+
+
+def test_verify_fails_on_what_is_no_model(checkpoint_file: Path) -> None:
+    result = run("verify", checkpoint_file, "--checkpoint", checkpoint_file)
+    assert result.exit_code == 1
+    assert "no ONNX model" in result.stderr
+
+
+def test_inspect_shows_every_entry_for_people_and_programs(model_file: Path) -> None:
+    card = json.loads(run("inspect", model_file, "--json").stdout)
+    text = run("inspect", model_file).stdout
+    for name, value in card.items():
+        assert f"{name}:" in text
+        for key in value if isinstance(value, dict) else ():
+            assert f"  {key}:" in text
+    assert "ball, box, ring" in text
+    assert card["sha256"] in text
+
+
+def test_inspect_of_an_unknown_model_is_a_usage_error() -> None:
+    result = run("inspect", "nothing")
+    assert result.exit_code == 2
+    assert "no model 'nothing'" in result.stderr

@@ -1,0 +1,89 @@
+"""An export that does not compute what the network does leaves nothing behind."""
+
+from pathlib import Path
+
+import numpy as np
+import onnx
+import pytest
+from click.testing import CliRunner
+
+import export.onnx_file
+from export.onnx_file import export_model, trace_graph
+from export.parity import ParityError, check_parity
+from model.checkpoint import load_checkpoint
+from model.inputs import MeshInputs, mesh_inputs
+from service.cli.main import commands
+from tests.meshes import sheet, torus
+
+
+def nudge(graph: onnx.ModelProto, share: float) -> onnx.ModelProto:
+    """The graph with its last layer's weights scaled by 1 + share."""
+    (weight,) = (t for t in graph.graph.initializer if tuple(t.dims) in {(3, 16), (16, 3)})
+    values = onnx.numpy_helper.to_array(weight)
+    scaled = onnx.numpy_helper.from_array((values * (1 + share)).astype(np.float32), weight.name)
+    weight.CopyFrom(scaled)
+    return graph
+
+
+@pytest.fixture
+def wrong_graph(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Exports come out 1 % off."""
+    monkeypatch.setattr(
+        export.onnx_file, "trace_graph", lambda *given: nudge(trace_graph(*given), 0.01)
+    )
+
+
+@pytest.fixture
+def inputs(checkpoint_file: Path) -> dict[str, MeshInputs]:
+    config = load_checkpoint(checkpoint_file).network.config
+    return {"torus": mesh_inputs(torus(), config), "sheet": mesh_inputs(sheet(), config)}
+
+
+@pytest.mark.usefixtures("wrong_graph")
+def test_a_wrong_graph_is_not_written(
+    checkpoint_file: Path, tmp_path: Path, inputs: dict[str, MeshInputs]
+) -> None:
+    with pytest.raises(ParityError) as failure:
+        export_model(load_checkpoint(checkpoint_file), tmp_path / "tiny.onnx", "tiny", inputs)
+    assert list(tmp_path.iterdir()) == []
+    # Every failure at once: both outputs, of each mesh and of the batch.
+    for line in ("mesh 0: scores", "mesh 1: evidence", "ragged batch of 2: scores"):
+        assert f"{line} differs by" in str(failure.value)
+
+
+@pytest.mark.usefixtures("wrong_graph")
+def test_the_command_fails_and_leaves_what_was_there(checkpoint_file: Path, tmp_path: Path) -> None:
+    path = tmp_path / "tiny.onnx"
+    path.write_bytes(b"the model before")
+    result = CliRunner().invoke(commands, ["export", str(checkpoint_file), "-o", str(path)])
+    assert result.exit_code == 1
+    assert f"{path} was not written" in result.stderr
+    assert [(file.name, file.read_bytes()) for file in tmp_path.iterdir()] == [
+        ("tiny.onnx", b"the model before")
+    ]
+
+
+@pytest.mark.parametrize(("share", "passes"), [(0.0, True), (1e-6, True), (1e-3, False)])
+def test_the_tolerance_parts_rounding_from_error(
+    model_file: Path,
+    checkpoint_file: Path,
+    inputs: dict[str, MeshInputs],
+    share: float,
+    passes: bool,
+) -> None:
+    network = load_checkpoint(checkpoint_file).network
+    content = nudge(onnx.load(model_file), share).SerializeToString()
+    if passes:
+        assert check_parity(content, network, list(inputs.values()))["scores"] < 1e-4
+    else:
+        with pytest.raises(ParityError, match="does not compute"):
+            check_parity(content, network, list(inputs.values()))
+
+
+def test_scores_that_are_no_numbers_never_agree(
+    model_file: Path, checkpoint_file: Path, inputs: dict[str, MeshInputs]
+) -> None:
+    network = load_checkpoint(checkpoint_file).network
+    content = nudge(onnx.load(model_file), float("nan")).SerializeToString()
+    with pytest.raises(ParityError):
+        check_parity(content, network, list(inputs.values()))
