@@ -68,7 +68,8 @@ def _check(vertices: NDArray, faces: NDArray) -> None:
             "non-finite-vertices",
             f"{bad} of {len(used)} vertices are NaN or infinite; repair the mesh and export again",
         )
-    extent = np.ptp(used, axis=0)
+    with np.errstate(over="ignore"):
+        extent = np.ptp(used, axis=0)
     if not np.isfinite(extent).all():
         raise UnusableMesh(
             "extent-overflow",

@@ -116,9 +116,13 @@ def _pair(twin: NDArray[np.int32], h: int, other: int) -> None:
 
 @njit(cache=True, nogil=True)
 def _length(vertices: NDArray[np.float64], faces: NDArray[np.int32], h: int) -> float:
-    """Squared length of a half-edge."""
+    """Squared length of a half-edge, to seven digits.
+
+    The halves of a split edge are equally long; in full precision, rounding would tell them
+    apart, and a mesh that was moved would be split elsewhere.
+    """
     a, b = faces[h // 3, h % 3], faces[h // 3, (h % 3 + 1) % 3]
     square = 0.0
     for k in range(3):
         square += (vertices[a, k] - vertices[b, k]) ** 2
-    return square
+    return np.float64(np.float32(square))
