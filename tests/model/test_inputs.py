@@ -1,0 +1,59 @@
+"""From meshes to the named arrays of one ragged batch."""
+
+import numpy as np
+import pytest
+
+from model.inputs import collate, input_names, mesh_inputs
+from model.mesh import Mesh
+from tests.meshes import cube, sheet, together, torus
+
+MESHES = [torus(), cube(), Mesh(np.eye(3), [[0, 1, 2]]), sheet(9, 7), together(cube(), sheet(3, 3))]
+
+
+def test_one_mesh_is_its_own_batch(config):
+    inputs = mesh_inputs(torus(), config)
+    arrays = collate([inputs])
+    assert list(arrays) == input_names(3)
+    assert arrays["terms"].shape == (500, 21)
+    assert (arrays["terms"].reshape(500, 7, 3) == inputs.terms).all()
+    for level in range(3):
+        assert (arrays[f"patches_{level}"] == inputs.topology.patches[level]).all()
+        assert (arrays[f"pools_{level}"] == inputs.topology.pools[level]).all()
+    last = inputs.topology.face_counts[-1]
+    assert arrays["readout"].tolist() == [list(range(1, last + 1))]
+
+
+def test_a_batch_is_its_meshes_one_after_the_other(config):
+    batch = [mesh_inputs(mesh, config) for mesh in MESHES]
+    arrays = collate(batch)
+    counts = np.array([inputs.topology.face_counts for inputs in batch])
+    starts = np.cumsum(counts, axis=0) - counts
+
+    def check(name, row_level, table_level, parts):
+        row = 0
+        for i, part in enumerate(parts):
+            block = arrays[name][row : row + len(part)]
+            # Null stays null, a face moves by where its mesh begins, and padding is null.
+            expected = np.where(part > 0, part + starts[i, table_level], 0)
+            assert (block[:, : part.shape[1]] == expected).all()
+            assert (block[:, part.shape[1] :] == 0).all()
+            row += len(part)
+        assert row == len(arrays[name]) == (counts[:, row_level].sum() if row_level >= 0 else row)
+        assert arrays[name].dtype == np.int32
+
+    for level in range(3):
+        check(f"patches_{level}", level, level, [b.topology.patches[level] for b in batch])
+        check(f"pools_{level}", level + 1, level, [b.topology.pools[level] for b in batch])
+    check("readout", -1, 3, [np.arange(1, last + 1)[None] for last in counts[:, 3]])
+    terms = np.concatenate([inputs.terms.reshape(-1, 21) for inputs in batch])
+    assert (arrays["terms"] == terms).all()
+
+
+@pytest.mark.parametrize("mesh", MESHES)
+def test_inputs_follow_the_configuration(config, mesh):
+    inputs = mesh_inputs(mesh, config)
+    assert inputs.terms.shape == (len(mesh.faces), 7, 3)
+    assert inputs.topology.face_counts[0] == len(mesh.faces)
+    for target, count in zip(config.targets, inputs.topology.face_counts[1:], strict=True):
+        assert 1 <= count <= max(target, len(mesh.faces) if len(mesh.faces) < 200 else target)
+    assert all(patches.shape[1] == config.patch_size for patches in inputs.topology.patches)

@@ -1,0 +1,138 @@
+"""What must not change the scores, and what they are the sum of."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from model.config import NetworkConfig
+from model.inputs import MeshInputs, collate, mesh_inputs
+from model.loading import load_mesh
+from model.mesh import Mesh
+from model.network import Network, as_tensors
+from model.preparation import prepare
+from tests.meshes import cube, moebius, sheet, together, torus
+from tests.networks import untrained
+
+CLOSE = 1e-5
+
+
+def run(network: Network, batch: list[MeshInputs]) -> tuple[np.ndarray, np.ndarray]:
+    with torch.inference_mode():
+        scores, evidence = network(*as_tensors(collate(batch), network.config.levels))
+    return scores.numpy(), evidence.numpy()
+
+
+def score(network: Network, mesh: Mesh) -> np.ndarray:
+    """From the mesh as loaded to its scores."""
+    prepared, _ = prepare(mesh, network.config.face_budget)
+    return run(network, [mesh_inputs(prepared, network.config)])[0][0]
+
+
+def renumbered(mesh: Mesh, rng: np.random.Generator) -> Mesh:
+    order = rng.permutation(len(mesh.vertices))
+    return Mesh(mesh.vertices[order], np.argsort(order)[mesh.faces])
+
+
+def shuffled(mesh: Mesh, rng: np.random.Generator) -> Mesh:
+    return Mesh(mesh.vertices, rng.permutation(mesh.faces))
+
+
+def corners_rotated(mesh: Mesh, rng: np.random.Generator) -> Mesh:
+    turns = rng.integers(0, 3, (len(mesh.faces), 1))
+    return Mesh(mesh.vertices, np.take_along_axis(mesh.faces, (np.arange(3) + turns) % 3, axis=1))
+
+
+def wound_at_random(mesh: Mesh, rng: np.random.Generator) -> Mesh:
+    turn = rng.random(len(mesh.faces)) < 0.5
+    return Mesh(mesh.vertices, np.where(turn[:, None], mesh.faces[:, ::-1], mesh.faces))
+
+
+def moved_and_scaled(mesh: Mesh, rng: np.random.Generator) -> Mesh:
+    return mesh.moved((mesh.vertices + rng.normal(0, 50, 3)) * 10 ** rng.uniform(-3, 5))
+
+
+CHANGES = [renumbered, shuffled, corners_rotated, wound_at_random, moved_and_scaled]
+CLOSED = {
+    "torus": torus(),
+    "another": torus(50, 5, tube=0.7),
+    "two": together(torus(15, 10), torus(20, 5).moved(torus(20, 5).vertices + 4)),
+}
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("change", CHANGES)
+@pytest.mark.parametrize("mesh", CLOSED.values(), ids=CLOSED.keys())
+def test_how_a_mesh_is_written_down_does_not_change_its_scores(config, mesh, change, seed):
+    assert len(mesh.faces) == config.face_budget
+    network = untrained(config)
+    other = change(mesh, np.random.default_rng(seed))
+    assert score(network, other) == pytest.approx(score(network, mesh), abs=CLOSE)
+
+
+@pytest.mark.parametrize("change", [renumbered, shuffled, corners_rotated, moved_and_scaled])
+def test_nor_does_it_for_an_open_sheet(config, change):
+    mesh = sheet(25, 10)
+    network = untrained(config)
+    other = change(mesh, np.random.default_rng(0))
+    assert score(network, other) == pytest.approx(score(network, mesh), abs=CLOSE)
+
+
+def test_the_shape_does_change_the_scores(config):
+    network = untrained(config)
+    one, two, three = (score(network, mesh) for mesh in (*CLOSED.values(),))
+    assert np.abs(one - two).max() > 100 * CLOSE
+    assert np.abs(one - three).max() > 100 * CLOSE
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_how_a_real_mesh_is_written_down_does_not_change_its_scores(config, shrec, change):
+    network = untrained(config)
+    for path in sorted(shrec.glob("*/test/*.obj"))[::40]:
+        mesh = load_mesh(path)
+        other = change(mesh, np.random.default_rng(0))
+        assert score(network, other) == pytest.approx(score(network, mesh), abs=CLOSE), path
+
+
+MIXED = {
+    "closed": torus(),
+    "small": cube(),
+    "one face": Mesh(np.eye(3), [[0, 1, 2]]),
+    "open": sheet(9, 7),
+    "components": together(cube(), sheet(3, 3), torus(9, 6)),
+    "one-sided": moebius(),
+}
+
+
+@pytest.mark.parametrize(
+    "changes", [{}, {"convolutions": 2}, {"patch_size": 1}, {"patch_size": 40}]
+)
+def test_a_ragged_batch_scores_each_mesh_as_it_does_alone(config, changes):
+    config = replace(config, **changes)
+    network = untrained(config)
+    batch = [mesh_inputs(mesh, config) for mesh in MIXED.values()]
+    scores, evidence = run(network, batch)
+    singles = [run(network, [inputs]) for inputs in batch]
+    assert scores == pytest.approx(np.concatenate([s for s, _ in singles]), abs=CLOSE)
+    assert evidence == pytest.approx(np.concatenate([e for _, e in singles]), abs=CLOSE)
+
+
+@pytest.mark.parametrize("mesh", MIXED.values(), ids=MIXED.keys())
+def test_scores_are_the_bias_plus_the_mean_of_the_evidence(config, mesh):
+    network = untrained(config)
+    inputs = mesh_inputs(mesh, config)
+    scores, evidence = run(network, [inputs])
+    assert evidence.shape == (inputs.topology.face_counts[-1], 3)
+    bias = network.classify.bias.detach().numpy()
+    assert scores[0] == pytest.approx(bias + evidence.mean(axis=0), abs=CLOSE)
+
+
+def test_other_depths_and_widths_work():
+    config = NetworkConfig(
+        classes=("a", "b"), channels=(4,), targets=(100,), patch_size=3, absolute_offsets=True
+    )
+    scores, evidence = run(untrained(config), [mesh_inputs(torus(), config)])
+    assert scores.shape == (1, 2)
+    assert evidence.shape[1] == 2
+    assert 97 <= len(evidence) <= 100
