@@ -75,7 +75,7 @@ class Exported:
         return {name: value.numpy() for name, value in zip(names, outputs, strict=True)}
 
 
-@pytest.fixture(scope="module", params=CONFIGS.values(), ids=CONFIGS.keys())
+@pytest.fixture(scope="module", params=list(CONFIGS.values()), ids=list(CONFIGS))
 def exported(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Exported:
     small = {
         "classes": ("ball", "box", "ring"),

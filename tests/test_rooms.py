@@ -1,0 +1,118 @@
+"""Who may import whom, and what need not be installed to classify."""
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+from importlinter.cli import lint_imports_command
+
+from model.samples import sample_paths
+from tests.commands import environment
+
+ROOT = Path(__file__).parents[1]
+
+# Runs the command line with the modules of the extra `train` out of reach.
+WITHOUT_TRAINING = """
+import sys
+from importlib.abc import MetaPathFinder
+
+class Unimportable(MetaPathFinder):
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in {"torch", "onnx", "onnxscript", "safetensors", "matplotlib"}:
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+
+sys.meta_path.insert(0, Unimportable())
+from service.cli.main import main
+main()
+"""
+
+
+def python(program: str, *arguments: object) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-c", program, *map(str, arguments)]
+    return subprocess.run(
+        command, capture_output=True, text=True, env=environment(), cwd=ROOT, timeout=120
+    )
+
+
+def loaded_by(program: str) -> set[str]:
+    """The top-level packages that a fresh interpreter holds after the program."""
+    show = "\nimport sys; print('|'.join({name.partition('.')[0] for name in sys.modules}))"
+    done = python(program + show)
+    assert done.returncode == 0, done.stderr
+    return set(done.stdout.splitlines()[-1].split("|"))
+
+
+def test_the_rooms_keep_to_their_imports(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(ROOT)
+    result = CliRunner().invoke(lint_imports_command, ["--no-cache"])
+    assert result.exit_code == 0, result.output
+    assert re.search(r"[1-9]\d* kept, 0 broken", result.output), result.output
+
+
+def test_model_loads_neither_torch_nor_onnx() -> None:
+    light = "import model, model.mesh, model.loading, model.preparation, model.inputs"
+    packages = loaded_by(light)
+    assert "numpy" in packages
+    assert packages.isdisjoint({"torch", "onnx", "onnxscript", "safetensors"})
+
+
+def test_serving_loads_neither_torch_nor_onnx() -> None:
+    packages = loaded_by("import service.http.app, service.cli.classify, service.classifier")
+    assert {"onnxruntime", "fastapi"} <= packages
+    assert packages.isdisjoint({"torch", "onnx", "onnxscript", "safetensors", "matplotlib"})
+
+
+@pytest.mark.parametrize("arguments", [["--version"], ["--help"], ["classify", "--help"]])
+def test_short_answers_wait_for_no_heavy_import(arguments: list[str]) -> None:
+    program = f"""
+import sys
+sys.argv = ["meshconv3d", *{arguments}]
+from service.cli.main import main
+try:
+    main()
+except SystemExit as end:
+    assert end.code == 0
+"""
+    packages = loaded_by(program)
+    heavy = {"numpy", "numba", "fastapi", "pydantic", "onnxruntime", "trimesh", "rich", "torch"}
+    assert packages.isdisjoint(heavy)
+
+
+@pytest.mark.parametrize("name", ["ants", "snake", "two_balls"])
+def test_classifying_needs_nothing_of_training(name: str) -> None:
+    done = python(WITHOUT_TRAINING, "classify", sample_paths()[name])
+    assert (done.returncode, done.stderr) == (0, "")
+    assert json.loads(done.stdout)["class"] == name
+
+
+@pytest.mark.parametrize(
+    ("module", "arguments"),
+    [
+        ("torch", ["train", "{folder}", "--out", "{folder}/out"]),
+        ("torch", ["export", "{file}", "-o", "{folder}/model.onnx"]),
+        ("onnx", ["verify", "{file}", "--checkpoint", "{file}"]),
+    ],
+)
+def test_a_missing_extra_is_named_in_one_line(
+    tmp_path: Path, module: str, arguments: list[str]
+) -> None:
+    file = tmp_path / "file"
+    file.touch()
+    given = [argument.format(folder=tmp_path, file=file) for argument in arguments]
+    done = python(WITHOUT_TRAINING, *given)
+    assert done.returncode == 1
+    assert done.stdout == ""
+    (line,) = done.stderr.splitlines()
+    assert module in line
+    assert "meshconv3d[train]" in line
+
+
+@pytest.mark.parametrize("command", ["train", "export", "verify"])
+def test_help_needs_no_extra(command: str) -> None:
+    done = python(WITHOUT_TRAINING, command, "--help")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "--help" in done.stdout
