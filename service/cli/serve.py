@@ -1,5 +1,6 @@
 """`meshconv3d serve`: the HTTP service under uvicorn."""
 
+import copy
 import signal
 
 import click
@@ -17,6 +18,7 @@ def serve(**flags: str | int | None) -> None:
     Every option can also be set as a variable: MESHCONV3D_MODEL, MESHCONV3D_HOST, and so on.
     """
     import uvicorn
+    import uvicorn.config
 
     from service.cli.classify import load_classifier, read_settings
     from service.http.app import create_app
@@ -25,7 +27,9 @@ def serve(**flags: str | int | None) -> None:
     signal.signal(signal.SIGTERM, _stop)
     settings = read_settings(flags)
     app = create_app(load_classifier(settings.model), settings)
-    uvicorn.run(app, host=settings.host, port=settings.port, server_header=False)
+    logs = copy.deepcopy(uvicorn.config.LOGGING_CONFIG)
+    logs["handlers"]["access"]["stream"] = "ext://sys.stderr"
+    uvicorn.run(app, host=settings.host, port=settings.port, server_header=False, log_config=logs)
 
 
 def _stop(*_: object) -> None:

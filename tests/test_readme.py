@@ -1,0 +1,105 @@
+"""The README's examples are run as they stand, and print what they say they print."""
+
+import os
+import re
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+CONSOLE = re.findall(r"```console\n(.*?)```", README, re.DOTALL)
+PYTHON = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
+NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e[-+]\d+)?")
+
+
+def run_at_terminal(commands: list[str], folder: Path) -> list[list[str]]:
+    """Run commands in one shell whose output is a terminal; the lines that each one printed."""
+    script = "trap 'kill $(jobs -p) 2>/dev/null' EXIT\n"
+    for command in commands:
+        script += f"echo @@@\n{command}\n"
+    terminal, device = os.openpty()
+    environment = os.environ | {
+        "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}",
+        "TERM": "dumb",
+    }
+    with (folder / "stderr").open("w") as errors:
+        shell = subprocess.Popen(
+            ["bash", "-c", script],
+            cwd=ROOT,
+            env=environment,
+            stdin=device,
+            stdout=device,
+            stderr=errors,
+        )
+        os.close(device)
+        printed = b""
+        while True:
+            try:
+                chunk = os.read(terminal, 65536)
+            except OSError:  # how Linux reports that the other end has closed
+                break
+            if not chunk:
+                break
+            printed += chunk
+        os.close(terminal)
+        shell.wait(timeout=60)
+    parts = printed.decode().replace("\r", "").split("@@@\n")[1:]
+    return [part.splitlines() for part in parts]
+
+
+def examples(block: str) -> list[tuple[str, list[str]]]:
+    """The commands of a console block, each with the lines that it should print."""
+    found: list[tuple[str, list[str]]] = []
+    for line in block.splitlines():
+        if line.startswith("$ "):
+            found.append((line[2:], []))
+        else:
+            found[-1][1].append(line)
+    return found
+
+
+def assert_same(printed: list[str], expected: list[str]) -> None:
+    """Alike but for spacing and the last digits of numbers, which differ between processors."""
+    ours, theirs = " ".join(printed), " ".join(expected)
+    assert NUMBER.sub("#", ours).split() == NUMBER.sub("#", theirs).split()
+    values = [[float(number) for number in NUMBER.findall(text)] for text in (ours, theirs)]
+    assert values[0] == pytest.approx(values[1], rel=0.05, abs=0.5)
+
+
+@pytest.mark.parametrize("block", CONSOLE, ids=lambda block: block.split("\n")[0][2:50])
+def test_console_examples_print_what_the_readme_shows(block: str, tmp_path: Path):
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = str(probe.getsockname()[1])
+    # The port and the folder for files are the test's own; all else is as it stands.
+    block = block.replace("8000", port).replace("/tmp/", f"{tmp_path}/")
+    pairs = examples(block)
+    printed = run_at_terminal([command for command, _ in pairs], tmp_path)
+    for lines, (command, expected) in zip(printed, pairs, strict=True):
+        if command.endswith("&"):
+            continue
+        assert expected, f"the README shows no output of: {command}"
+        assert_same(lines, expected)
+
+
+@pytest.mark.parametrize("code", PYTHON)
+def test_python_examples_print_what_their_comments_say(code: str):
+    expected = re.findall(r"print\(.*\)  # (.*)", code)
+    assert expected
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.splitlines() == expected
+
+
+def test_links_lead_to_files():
+    for target in re.findall(r"\]\(([^)#]+)\)", README):
+        assert (ROOT / target).exists(), target
+
+
+def test_no_figure_is_missing():
+    assert "FIGURES" not in README
