@@ -1,0 +1,87 @@
+"""The classifier: one answer, however the mesh comes and whoever else asks."""
+
+import dataclasses
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from model.errors import MeshError
+from model.samples import sample_paths
+from service.classifier import Classifier, SelfTestError, softmax
+from service.models import Model
+
+
+@pytest.fixture(scope="module")
+def classifier(model_file: Path) -> Classifier:
+    return Classifier.load(str(model_file))
+
+
+def test_path_and_bytes_are_one_mesh(classifier: Classifier) -> None:
+    for name, path in sample_paths().items():
+        by_path = classifier.classify(path)
+        by_text = classifier.classify(str(path))
+        by_bytes = classifier.classify(path.read_bytes(), path.name)
+        by_content = classifier.classify(path.read_bytes())
+        for other in (by_text, by_bytes, by_content):
+            assert np.array_equal(other.scores, by_path.scores), name
+            assert other.report == by_path.report
+
+
+def test_many_threads_score_as_one(classifier: Classifier) -> None:
+    paths = list(sample_paths().values())
+    alone = [classifier.classify(path).scores for path in paths]
+    assert len({tuple(scores) for scores in alone}) == len(paths)
+    with ThreadPoolExecutor(8) as pool:
+        at_once = list(pool.map(classifier.classify, paths * 6))
+    for i, result in enumerate(at_once):
+        np.testing.assert_allclose(result.scores, alone[i % len(paths)], rtol=1e-5, atol=1e-5)
+
+
+def test_an_answer_is_consistent(classifier: Classifier) -> None:
+    result = classifier.classify(sample_paths()["ants"])
+    assert result.classes == ("ball", "box", "ring")
+    assert result.probabilities.sum() == pytest.approx(1)
+    assert sorted(result.ranking) == [0, 1, 2]
+    assert list(result.probabilities[result.ranking]) == sorted(result.probabilities)[::-1]
+    assert result.label == result.classes[int(result.scores.argmax())]
+    assert list(result.timings_ms) == ["read", "prepare", "topology", "infer"]
+
+
+def test_softmax_bears_any_logits() -> None:
+    scores = np.array([1e30, 1e30, -1e30], np.float32)
+    assert softmax(scores).tolist() == [0.5, 0.5, 0]
+    logits = np.array([1, 2, 4], np.float32)
+    powers = np.exp(logits.astype(float))
+    np.testing.assert_allclose(softmax(logits), powers / powers.sum())
+
+
+def test_bad_input_raises_what_is_documented(classifier: Classifier, tmp_path: Path) -> None:
+    with pytest.raises(MeshError):
+        classifier.classify(b"")
+    with pytest.raises(FileNotFoundError):
+        classifier.classify(tmp_path / "nothing.obj")
+
+
+def test_the_self_test_passes_on_the_file_as_exported(classifier: Classifier) -> None:
+    classifier.self_test()
+
+
+@pytest.mark.parametrize("change", [-0.05, 0.05, float("nan")])
+def test_the_self_test_fails_where_scores_differ(classifier: Classifier, change: float) -> None:
+    probe = dict(classifier.model.card.probe)
+    largest = max(probe["scores"], key=abs)
+    probe["scores"] = [probe["scores"][0] + change * largest, *probe["scores"][1:]]
+    with pytest.raises(SelfTestError, match=f"model tiny scores the sample {probe['sample']}"):
+        Classifier(with_probe(classifier.model, probe)).self_test()
+
+
+def test_the_self_test_fails_where_it_classifies_another_mesh(classifier: Classifier) -> None:
+    probe = classifier.model.card.probe | {"sample": "laptop"}
+    with pytest.raises(SelfTestError):
+        Classifier(with_probe(classifier.model, probe)).self_test()
+
+
+def with_probe(model: Model, probe: dict) -> Model:
+    return dataclasses.replace(model, card=dataclasses.replace(model.card, probe=probe))

@@ -1,0 +1,68 @@
+"""`meshconv3d classify` at a terminal: a table that fits it."""
+
+import fcntl
+import os
+import pty
+import re
+import struct
+import subprocess
+import termios
+from pathlib import Path
+
+from tests.commands import PROGRAM, environment
+
+WIDTH = 80
+
+
+def at_a_terminal(*arguments: object, cwd: Path) -> tuple[int, list[str]]:
+    """Exit code and what stands on a terminal of 80 columns, without its control codes."""
+    master, slave = pty.openpty()
+    fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", 24, WIDTH, 0, 0))
+    command = [PROGRAM, *map(str, arguments)]
+    process = subprocess.Popen(
+        command, stdin=slave, stdout=slave, stderr=subprocess.DEVNULL, env=environment(), cwd=cwd
+    )
+    os.close(slave)
+    output = b""
+    while True:
+        try:
+            chunk = os.read(master, 65536)
+        except OSError:  # how Linux tells that the other side was closed
+            break
+        if not chunk:
+            break
+        output += chunk
+    os.close(master)
+    shown = re.sub(r"\x1b\[[0-9;?]*[a-zA-Z]", "", output.decode())
+    return process.wait(60), [line.rstrip() for line in shown.splitlines()]
+
+
+def test_a_table_with_reasons_below(model_file: Path, meshes: Path) -> None:
+    status, shown = at_a_terminal("classify", ".", "--model", model_file, cwd=meshes)
+    assert status == 1
+    header, *rows = shown
+    assert header.split() == ["File", "Class", "Probability", "Next", "Faces"]
+    names = ["below/cube.OBJ", "cut.stl", "points.obj", "ring.obj", "sheet.obj"]
+    assert [row.split()[0] for row in rows[:5]] == names
+    assert all(len(row) <= WIDTH for row in (header, *rows[:5]))
+    assert re.search(r"ring\.obj +(ball|box|ring) +\d+\.\d% .* 500$", rows[3])
+    assert rows[4].endswith("512 → 500")
+    assert re.fullmatch(r"points\.obj +no-faces", rows[2])
+    reasons = "".join(rows[5:])
+    assert "cut.stl: " in reasons
+    assert "points.obj: the file holds no triangles" in reasons
+
+
+def test_top_counts_in_the_table_too(model_file: Path, meshes: Path) -> None:
+    for top, others in ((1, 0), (2, 1), (3, 2)):
+        status, (_, row, *rest) = at_a_terminal(
+            "classify", "ring.obj", "--model", model_file, "--top", top, cwd=meshes
+        )
+        assert status == 0
+        assert row.count("%") == 1 + others
+        assert rest == []
+
+
+def test_json_on_request(model_file: Path, meshes: Path) -> None:
+    _, (line,) = at_a_terminal("classify", "ring.obj", "--json", "--model", model_file, cwd=meshes)
+    assert line.startswith('{"file":"ring.obj","class":')

@@ -1,0 +1,65 @@
+"""The one form in which results leave."""
+
+import errno
+import json
+import os
+from pathlib import Path
+
+import pytest
+
+from model.errors import UnusableMesh
+from model.samples import sample_paths
+from service.classifier import Classification, Classifier
+from service.records import answer, refusal
+
+
+@pytest.fixture(scope="module")
+def classifier(model_file: Path) -> Classifier:
+    return Classifier.load(str(model_file))
+
+
+@pytest.fixture(scope="module")
+def result(classifier: Classifier) -> Classification:
+    return classifier.classify(sample_paths()["ants"])
+
+
+def test_an_answer_as_json(classifier: Classifier, result: Classification) -> None:
+    record = json.loads(answer("ants.obj", result, classifier.model).model_dump_json(by_alias=True))
+    assert list(record) == [
+        *("file", "class", "probability", "scores", "model", "mesh", "timings_ms")
+    ]
+    assert record["file"] == "ants.obj"
+    assert record["class"] == result.label == record["scores"][0]["class"]
+    assert record["probability"] == record["scores"][0]["probability"]
+    probabilities = [score["probability"] for score in record["scores"]]
+    assert probabilities == sorted(probabilities, reverse=True)
+    assert sum(probabilities) == pytest.approx(1, abs=1e-5)
+    assert {score["class"] for score in record["scores"]} == {"ball", "box", "ring"}
+    for score in record["scores"]:
+        exact = float(result.scores[result.classes.index(score["class"])])
+        assert score["score"] == pytest.approx(exact, abs=1e-5)
+    assert record["model"] == {"name": "tiny", "sha256": classifier.model.sha256}
+    assert record["mesh"]["faces_in"] == result.report.faces_in
+
+
+@pytest.mark.parametrize(("top", "count"), [(1, 1), (2, 2), (3, 3), (99, 3), (None, 3)])
+def test_top_keeps_the_likeliest(
+    classifier: Classifier, result: Classification, top: int | None, count: int
+) -> None:
+    all_scores = answer(None, result, classifier.model).scores
+    assert answer(None, result, classifier.model, top).scores == all_scores[:count]
+
+
+def test_a_refusal_holds_the_fault_and_the_reason() -> None:
+    record = refusal("a.obj", UnusableMesh("no-faces", "the file holds no triangles"))
+    assert json.loads(record.model_dump_json()) == {
+        "file": "a.obj",
+        "error": {"fault": "no-faces", "message": "the file holds no triangles"},
+    }
+
+
+def test_a_file_that_cannot_be_opened_is_a_refusal() -> None:
+    error = PermissionError(errno.EACCES, os.strerror(errno.EACCES), "/secret/a.obj")
+    record = refusal("a.obj", error)
+    assert record.error.fault == "unreadable"
+    assert record.error.message == f"cannot be opened: {os.strerror(errno.EACCES)}"
