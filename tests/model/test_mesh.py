@@ -36,7 +36,7 @@ def test_unsound_arrays_are_refused_with_their_fault(vertices, faces, fault, say
 
 
 def test_what_no_face_uses_is_not_judged():
-    mesh = Mesh([*CORNERS, (NAN, 0, 0), (1e308, 0, 0), (-1e308, 0, 0)], [[0, 1, 2]])
+    mesh = Mesh(np.vstack([CORNERS, [(NAN, 0, 0), (1e308, 0, 0), (-1e308, 0, 0)]]), [[0, 1, 2]])
     assert len(mesh.vertices) == 6
 
 
