@@ -42,9 +42,11 @@ class BodyLimit:
 
         async def limited_receive() -> Message:
             nonlocal received
+            if claimed.isdigit() and int(claimed) > self.limit:
+                raise UploadTooLarge(self.limit)  # without waiting for any of it
             message = await receive()
             received += len(message.get("body", b""))
-            if received > self.limit or (claimed.isdigit() and int(claimed) > self.limit):
+            if received > self.limit:
                 raise UploadTooLarge(self.limit)
             return message
 
