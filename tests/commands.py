@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 
 PROGRAM = str(Path(sys.executable).with_name("meshconv3d"))
@@ -15,7 +16,7 @@ def environment(**changes: str) -> dict[str, str]:
 
 
 def meshconv3d(
-    *arguments: object, stdin: bytes = b"", **variables: str
+    *arguments: object, stdin: bytes = b"", variables: Mapping[str, str] = {}
 ) -> subprocess.CompletedProcess[str]:
     """Run it with its output piped; stdout and stderr come back as text."""
     command = [PROGRAM, *map(str, arguments)]

@@ -37,7 +37,9 @@ def test_each_file_is_a_line_in_the_order_of_the_input(model_file: Path, meshes:
 
 
 def test_all_good_is_exit_0(model_file: Path, meshes: Path) -> None:
-    done = meshconv3d("classify", meshes / "ring.obj", "--top", 2, MESHCONV3D_MODEL=str(model_file))
+    done = meshconv3d(
+        "classify", meshes / "ring.obj", "--top", 2, variables={"MESHCONV3D_MODEL": str(model_file)}
+    )
     assert (done.returncode, done.stderr) == (0, "")
     (record,) = lines(done.stdout)
     assert record["model"]["name"] == "tiny"
@@ -47,7 +49,9 @@ def test_all_good_is_exit_0(model_file: Path, meshes: Path) -> None:
 def test_the_flag_wins_over_the_variable(model_file: Path, meshes: Path) -> None:
     """And without either, the shipped model answers."""
     mesh = meshes / "ring.obj"
-    done = meshconv3d("classify", mesh, "--model", "shrec11", MESHCONV3D_MODEL=str(model_file))
+    done = meshconv3d(
+        "classify", mesh, "--model", "shrec11", variables={"MESHCONV3D_MODEL": str(model_file)}
+    )
     default = meshconv3d("classify", mesh)
     assert lines(done.stdout)[0]["model"] == lines(default.stdout)[0]["model"]
     assert lines(default.stdout)[0]["model"]["name"] == "shrec11"
@@ -90,7 +94,7 @@ def test_a_wrong_call_is_exit_2_and_says_why(
     meshes: Path, tmp_path: Path, arguments: list[str], variables: dict[str, str], reason: str
 ) -> None:
     places = {"good": meshes / "ring.obj", "empty": tmp_path}
-    done = meshconv3d("classify", *(a.format(**places) for a in arguments), **variables)
+    done = meshconv3d("classify", *(a.format(**places) for a in arguments), variables=variables)
     assert done.returncode == 2
     assert done.stdout == ""
     assert reason.format(**places) in done.stderr

@@ -1,0 +1,61 @@
+"""What the service says of itself."""
+
+import json
+from pathlib import Path
+
+import httpx
+
+from model.loading import FORMATS
+from tests.commands import meshconv3d
+
+
+def test_probes(client: httpx.Client) -> None:
+    assert client.get("/livez").json() == {"status": "alive"}
+    ready = client.get("/readyz")
+    assert (ready.status_code, ready.json()) == (200, {"status": "ready"})
+
+
+def test_models_are_listed_with_their_cards(client: httpx.Client, model_file: Path) -> None:
+    card = json.loads(meshconv3d("inspect", model_file, "--json").stdout)
+    assert client.get("/v1/models").json() == {"models": [card]}
+
+
+def test_both_request_forms_are_described(client: httpx.Client) -> None:
+    body = operation(client)["requestBody"]
+    assert body["required"]
+    form = body["content"]["multipart/form-data"]["schema"]
+    assert form["required"] == ["file"]
+    assert form["properties"]["file"] == {"type": "string", "format": "binary"}
+    raw = set(body["content"]) - {"multipart/form-data"}
+    assert raw == {
+        "application/octet-stream",
+        *(known.media_types[0] for known in FORMATS.values()),
+    }
+
+
+def test_problems_are_described_as_they_come(client: httpx.Client) -> None:
+    responses = operation(client)["responses"]
+    assert set(responses) == {"200", "400", "413", "415", "422"}
+    problem = client.post("/v1/classify", content=b"").json()
+    for status in set(responses) - {"200"}:
+        (media_type,) = responses[status]["content"]
+        assert media_type == "application/problem+json"
+        schema = responses[status]["content"][media_type]["schema"]
+        assert set(problem) <= set(schema["properties"])
+        assert set(schema["required"]) <= set(problem)
+
+
+def test_the_answer_is_described_as_it_comes(client: httpx.Client, meshes: Path) -> None:
+    schemas = client.get("/openapi.json").json()["components"]["schemas"]
+    record = client.post("/v1/classify", content=(meshes / "ring.obj").read_bytes()).json()
+    for part, name in (
+        (record, "Answer"),
+        (record["scores"][0], "ClassScore"),
+        (record["model"], "ModelId"),
+        (record["mesh"], "MeshReport"),
+    ):
+        assert set(part) == set(schemas[name]["properties"]) == set(schemas[name]["required"])
+
+
+def operation(client: httpx.Client) -> dict:
+    return client.get("/openapi.json").json()["paths"]["/v1/classify"]["post"]

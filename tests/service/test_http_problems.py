@@ -1,0 +1,160 @@
+"""Every error over HTTP is a problem document: a status, a stable fault, a way out."""
+
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+
+import anyio
+import httpx
+import pytest
+
+from service.classifier import Classifier
+from service.http.app import create_app
+from service.settings import Settings
+from tests.service.conftest import LIMIT, Service
+
+STL = {"content-type": "model/stl"}
+NAN_STL = b"solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 nan\nvertex 1 0 0\nvertex 0 1 0\n"
+NAN_STL += b"endloop\nendfacet\nendsolid a\n"
+
+
+def problem_of(response: httpx.Response, status: int) -> dict:
+    assert response.status_code == status, response.text
+    assert response.headers["content-type"] == "application/problem+json"
+    problem = response.json()
+    assert problem["status"] == status
+    assert problem["request_id"] == response.headers["x-request-id"]
+    assert problem["title"]
+    assert problem["fault"] == problem["fault"].lower().replace(" ", "-")
+    return problem
+
+
+def test_request_ids_differ(client: httpx.Client) -> None:
+    ids = {problem_of(client.get("/nothing"), 404)["request_id"] for _ in range(5)}
+    assert len(ids) == 5
+
+
+@pytest.mark.parametrize(
+    ("content", "headers", "status", "fault"),
+    [
+        (b"", {}, 400, "empty-file"),
+        (b"\0" * 10, STL, 400, "truncated"),
+        (b"glTF" + b"\xff" * 40, {"content-type": "model/gltf-binary"}, 400, None),
+        (b"{nothing", {"content-type": "multipart/form-data"}, 400, "bad-request"),
+        (b"{nothing", {"content-type": "multipart/form-data; boundary=b"}, 400, "bad-request"),
+        (b"v 0 0 0\n", {"content-type": "text/plain"}, 415, "unknown-media-type"),
+        (b"{}", {"content-type": "application/json"}, 415, "unknown-media-type"),
+        (b"v 0 0 0\nf 1 1 1\n", STL, 415, "format-mismatch"),
+        (b"what is this?", {}, 415, "unknown-format"),
+        (b"v 0 0 0\nv 1 0 0\n", {"content-type": "model/obj"}, 422, "no-faces"),
+        (b"v 1 1 1\nf 1 1 1\n", {"content-type": "model/obj"}, 422, "zero-extent"),
+        (NAN_STL, STL, 422, "non-finite-vertices"),
+    ],
+)
+def test_what_is_wrong_with_a_body(
+    client: httpx.Client, content: bytes, headers: dict, status: int, fault: str | None
+) -> None:
+    problem = problem_of(client.post("/v1/classify", content=content, headers=headers), status)
+    assert fault is None or problem["fault"] == fault
+    assert len(problem["detail"]) > 10
+    assert "limit" not in problem
+
+
+def test_accepted_types_are_named(client: httpx.Client) -> None:
+    headers = {"content-type": "text/plain"}
+    detail = client.post("/v1/classify", content=b"x", headers=headers).json()["detail"]
+    assert all(name in detail for name in ("'text/plain'", "model/stl", "model/obj", "'file'"))
+
+
+@pytest.mark.parametrize(
+    "form",
+    [
+        {"files": {"mesh": ("a.obj", b"v 0 0 0")}},
+        {"files": {"other": ("a.obj", b"")}, "data": {"file": "v 0 0 0"}},
+    ],
+)
+def test_a_form_without_the_file(client: httpx.Client, form: dict) -> None:
+    problem = problem_of(client.post("/v1/classify", **form), 400)
+    assert problem["fault"] == "no-file-field"
+
+
+def test_a_form_with_two_files(client: httpx.Client) -> None:
+    files = [("file", ("a.obj", b"v 0 0 0")), ("file", ("b.obj", b"v 0 0 0"))]
+    problem_of(client.post("/v1/classify", files=files), 400)
+
+
+def test_a_form_whose_name_contradicts_the_content(client: httpx.Client, meshes: Path) -> None:
+    content = (meshes / "ring.obj").read_bytes()
+    for name, fault in (("ring.stl", "format-mismatch"), ("ring.exe", "unknown-format")):
+        response = client.post("/v1/classify", files={"file": (name, content)})
+        assert problem_of(response, 415)["fault"] == fault
+
+
+@pytest.mark.parametrize("top", ["0", "-1", "many", ""])
+def test_a_bad_parameter(client: httpx.Client, meshes: Path, top: str) -> None:
+    content = (meshes / "ring.obj").read_bytes()
+    problem = problem_of(client.post(f"/v1/classify?top={top}", content=content), 400)
+    assert "query.top" in problem["detail"]
+
+
+def too_large(response: httpx.Response) -> None:
+    problem = problem_of(response, 413)
+    assert problem["fault"] == "body-too-large"
+    assert problem["limit"] == LIMIT
+    assert str(LIMIT) in problem["detail"]
+
+
+def test_a_body_over_the_limit(client: httpx.Client) -> None:
+    too_large(client.post("/v1/classify", content=b"\0" * (LIMIT + 1), headers=STL))
+    too_large(client.post("/v1/classify", files={"file": ("a.stl", b"\0" * LIMIT)}))
+
+
+def test_a_chunked_body_over_the_limit(client: httpx.Client) -> None:
+    def chunks() -> Iterator[bytes]:
+        for _ in range(LIMIT // 50_000 + 1):
+            yield b"\0" * 50_000
+
+    too_large(client.post("/v1/classify", content=chunks(), headers=STL))
+
+
+def test_a_body_of_just_the_limit_is_read(client: httpx.Client, meshes: Path) -> None:
+    content = (meshes / "ring.obj").read_bytes()
+    padded = content + b"#" * (LIMIT - len(content))
+    response = client.post("/v1/classify", content=padded)
+    assert response.status_code == 200
+
+
+def test_a_claimed_length_over_the_limit_is_refused_unread(service: Service) -> None:
+    host, port = service.url.removeprefix("http://").split(":")
+    with socket.create_connection((host, int(port)), timeout=30) as connection:
+        head = "POST /v1/classify HTTP/1.1\r\nHost: a\r\nContent-Type: model/stl\r\n"
+        connection.sendall(f"{head}Content-Length: {10**12}\r\n\r\n".encode())
+        assert connection.recv(1000).startswith(b"HTTP/1.1 413 ")
+
+
+def test_no_such_path_and_no_such_method(client: httpx.Client) -> None:
+    assert problem_of(client.get("/v1/nothing"), 404)["fault"] == "not-found"
+    response = client.get("/v1/classify")
+    assert problem_of(response, 405)["fault"] == "method-not-allowed"
+    assert response.headers["allow"] == "POST"
+
+
+def test_an_unforeseen_failure_hides_its_reason_and_names_the_request(
+    model_file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    classifier = Classifier.load(str(model_file))
+
+    def fail(*_: object) -> None:
+        raise ZeroDivisionError("at a secret place")
+
+    monkeypatch.setattr(classifier, "classify", fail)
+    app = httpx.ASGITransport(create_app(classifier, Settings()), raise_app_exceptions=False)
+
+    async def ask() -> httpx.Response:
+        async with httpx.AsyncClient(transport=app, base_url="http://service") as client:
+            return await client.post("/v1/classify", content=b"v 0 0 0")
+
+    response = anyio.run(ask)
+    problem = problem_of(response, 500)
+    assert problem["fault"] == "internal"
+    assert "secret" not in response.text
