@@ -1,5 +1,6 @@
 """What tests in several rooms share: a small network and its files, and the real data."""
 
+import os
 import tarfile
 from pathlib import Path
 
@@ -7,6 +8,10 @@ import pytest
 from hypothesis import settings
 
 from model.config import NetworkConfig
+
+# Torch reads this when it is first imported. The matrices of tests are so small that handing
+# them to several threads costs more than multiplying them.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 # The first call of a kernel compiles it.
 settings.register_profile("kernels", deadline=None)

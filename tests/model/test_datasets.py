@@ -1,0 +1,121 @@
+"""Finding, reading and refusing the files of a data set."""
+
+import logging
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from model.datasets import DatasetError, class_names, find_samples, load_samples
+from model.mesh import Mesh
+from tests.meshes import cube, icosphere, torus
+
+
+def write_off(path: Path, mesh: Mesh) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    lines = ["OFF", f"{len(mesh.vertices)} {len(mesh.faces)} 0"]
+    lines += [" ".join(map(repr, row)) for row in mesh.vertices.tolist()]
+    lines += ["3 " + " ".join(map(str, row)) for row in mesh.faces.tolist()]
+    path.write_text("\n".join(lines) + "\n")
+
+
+@pytest.fixture
+def folders(tmp_path: Path) -> Path:
+    """Three classes as CLASS/{train,test}/*.off, one with a file that is no mesh."""
+    for label, mesh in (("ball", icosphere(1)), ("box", cube()), ("ring", torus(8, 6))):
+        for split in ("train", "test"):
+            write_off(tmp_path / label / split / "one.off", mesh)
+            write_off(tmp_path / label / split / "two.OFF", mesh)
+    (tmp_path / "box" / "train" / "broken.off").write_text("OFF\n1 1 0\nnothing\n")
+    (tmp_path / "box" / "train" / "notes.txt").write_text("not a mesh")
+    (tmp_path / "box" / "spare").mkdir()
+    write_off(tmp_path / "box" / "spare" / "three.off", cube())
+    return tmp_path
+
+
+def described(samples, root) -> list[tuple[str, str, str]]:
+    return [(str(s.path.relative_to(root)), s.label, s.split) for s in samples]
+
+
+def test_folders_are_the_splits(folders):
+    samples = find_samples(folders)
+    assert described(samples, folders) == [
+        ("ball/test/one.off", "ball", "test"),
+        ("ball/test/two.OFF", "ball", "test"),
+        ("ball/train/one.off", "ball", "train"),
+        ("ball/train/two.OFF", "ball", "train"),
+        ("box/test/one.off", "box", "test"),
+        ("box/test/two.OFF", "box", "test"),
+        ("box/train/broken.off", "box", "train"),
+        ("box/train/one.off", "box", "train"),
+        ("box/train/two.OFF", "box", "train"),
+        ("ring/test/one.off", "ring", "test"),
+        ("ring/test/two.OFF", "ring", "test"),
+        ("ring/train/one.off", "ring", "train"),
+        ("ring/train/two.OFF", "ring", "train"),
+    ]
+    assert class_names(samples) == ("ball", "box", "ring")
+
+
+def test_a_table_names_the_splits_of_files_in_either_place(tmp_path):
+    for place in ("box/a.off", "box/b.off", "ring/test/c.off", "ring/train/unnamed.off"):
+        write_off(tmp_path / place, cube())
+    table = tmp_path / "split.csv"
+    table.write_text("file,split,class\na.off,train,box\nb.off,val,box\nc.off,train,ring\n")
+    assert described(find_samples(tmp_path, table), tmp_path) == [
+        ("box/a.off", "box", "train"),
+        ("box/b.off", "box", "val"),
+        ("ring/test/c.off", "ring", "train"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("table", "says"),
+    [
+        ("class,file\nbox,one.off\n", "lacks the columns class,file,split"),
+        ("", "lacks the columns"),
+        ("class,file,split\nbox,one.off,training\n", "one.off has split 'training'"),
+        ("class,file,split\nbox,missing.off,train\n", "box/missing.off, which is not under"),
+        ("class,file,split\nbox,one.off,test\n", "no training meshes"),
+        ("class,file,split\n", "no training meshes"),
+    ],
+)
+def test_a_table_that_does_not_fit_is_refused(folders, table, says):
+    split_file = folders / "split.csv"
+    split_file.write_text(table)
+    with pytest.raises(DatasetError, match=says):
+        find_samples(folders, split_file)
+
+
+def test_what_is_no_data_set_is_refused(tmp_path):
+    with pytest.raises(DatasetError, match="is not a folder"):
+        find_samples(tmp_path / "missing")
+    with pytest.raises(DatasetError, match=r"CLASS/train/\*\.obj"):
+        find_samples(tmp_path)
+
+
+def test_samples_are_prepared_and_bad_files_counted(folders, config, caplog):
+    samples = [s for s in find_samples(folders) if s.split == "train"]
+    with caplog.at_level(logging.WARNING):
+        meshes, refused = load_samples(samples, config)
+    assert refused == 1
+    assert "broken.off" in caplog.text
+    assert [mesh.label for mesh in meshes] == [0, 0, 1, 1, 2, 2]
+    for mesh in meshes:
+        assert len(mesh.mesh.faces) in (499, 500)
+        assert len(mesh.twin) == 3 * len(mesh.mesh.faces)
+        assert mesh.inputs.topology.face_counts[0] == len(mesh.mesh.faces)
+        assert np.isfinite(mesh.inputs.terms).all()
+
+
+def test_progress_sees_every_sample(folders, config):
+    samples = find_samples(folders)[:3]
+    seen = []
+
+    def progress(items):
+        for item in items:
+            seen.append(item)
+            yield item
+
+    load_samples(samples, config, progress)
+    assert seen == samples

@@ -1,0 +1,194 @@
+"""Training learns, is repeatable, and goes on where it was killed."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from model.augmentation import Augmentation
+from model.config import NetworkConfig
+from model.datasets import LabelledMesh
+from model.evaluation import accuracy, predict
+from model.inputs import mesh_inputs
+from model.preparation import prepare
+from model.topology import Surface
+from model.training import LOG_FILE, RESUME_FILE, Trainer, TrainingConfig
+from tests.meshes import cube, icosphere, torus
+
+CONFIG = NetworkConfig(
+    classes=("ball", "box", "ring"),
+    face_budget=80,
+    patch_size=6,
+    channels=(8, 12, 16),
+    targets=(60, 40, 20),
+    descriptor_hidden=16,
+    descriptor_channels=8,
+)
+TRAINING = TrainingConfig(epochs=4, batch_size=6, learning_rate=0.02)
+
+
+class Killed(Exception):
+    pass
+
+
+@pytest.fixture(scope="module")
+def shapes() -> list[LabelledMesh]:
+    """Balls, boxes and rings, each squeezed and dented a little."""
+    rng = np.random.default_rng(0)
+    meshes = []
+    for _ in range(6):
+        for label, shape in enumerate((icosphere(1), cube(), torus(8, 5))):
+            squeezed = shape.vertices * rng.uniform(0.8, 1.2, 3)
+            dented = squeezed + rng.normal(0, 0.02, squeezed.shape)
+            mesh, _ = prepare(shape.moved(dented), CONFIG.face_budget)
+            twin = Surface.of(mesh).twin
+            meshes.append(LabelledMesh(mesh, twin, mesh_inputs(mesh, CONFIG), label))
+    return meshes
+
+
+def weights(trainer: Trainer) -> dict[str, torch.Tensor]:
+    return {name: tensor.clone() for name, tensor in trainer.network.state_dict().items()}
+
+
+def ignore(record) -> None:
+    pass
+
+
+def kill_after(epoch: int):
+    def on_epoch(record):
+        if record["epoch"] == epoch:
+            raise Killed
+
+    return on_epoch
+
+
+def same(one: dict[str, torch.Tensor], two: dict[str, torch.Tensor]) -> bool:
+    assert one.keys() == two.keys()
+    return all(torch.equal(one[name], two[name]) for name in one)
+
+
+@pytest.fixture(scope="module")
+def uninterrupted(shapes, tmp_path_factory) -> Trainer:
+    trainer = Trainer(CONFIG, TRAINING, shapes, tmp_path_factory.mktemp("run"))
+    trainer.run(ignore)
+    return trainer
+
+
+@pytest.mark.parametrize("epoch", [1, 3])
+def test_a_killed_run_resumes_to_the_same_weights_bit_for_bit(
+    shapes, uninterrupted, tmp_path, epoch
+):
+    with pytest.raises(Killed):
+        Trainer(CONFIG, TRAINING, shapes, tmp_path).run(kill_after(epoch))
+    torch.manual_seed(99)
+    resumed = Trainer(CONFIG, TRAINING, shapes, tmp_path)
+    assert resumed.resume() == epoch
+    resumed.run(ignore)
+    assert same(weights(resumed), weights(uninterrupted))
+    timeless = [
+        [{k: v for k, v in r.items() if k != "seconds"} for r in t.history]
+        for t in (resumed, uninterrupted)
+    ]
+    assert timeless[0] == timeless[1]
+
+
+def test_killed_in_the_middle_of_an_epoch_it_repeats_that_epoch(
+    shapes, uninterrupted, tmp_path, monkeypatch
+):
+    trainer = Trainer(CONFIG, TRAINING, shapes, tmp_path)
+    steps = iter(range(4))
+
+    def loss_or_die(*args):
+        if next(steps, None) is None:
+            raise Killed
+        return original(*args)
+
+    original = trainer.loss
+    monkeypatch.setattr(trainer, "loss", loss_or_die)
+    with pytest.raises(Killed):
+        trainer.run(ignore)
+    resumed = Trainer(CONFIG, TRAINING, shapes, tmp_path)
+    assert resumed.resume() == 1
+    resumed.run(ignore)
+    assert same(weights(resumed), weights(uninterrupted))
+
+
+def test_resuming_a_finished_run_changes_nothing(shapes, uninterrupted):
+    again = Trainer(CONFIG, TRAINING, shapes, uninterrupted.folder)
+    assert again.resume() == TRAINING.epochs
+    again.run(kill_after(0))
+    assert same(weights(again), weights(uninterrupted))
+
+
+def test_another_seed_gives_other_weights(shapes, uninterrupted, tmp_path):
+    other = Trainer(CONFIG, replace(TRAINING, seed=1), shapes, tmp_path)
+    other.run(ignore)
+    assert not same(weights(other), weights(uninterrupted))
+
+
+def test_an_empty_folder_starts_from_the_beginning(shapes, tmp_path):
+    trainer = Trainer(CONFIG, TRAINING, shapes, tmp_path / "new" / "run")
+    assert trainer.resume() == 0
+    assert (tmp_path / "new" / "run").is_dir()
+
+
+@pytest.mark.parametrize(
+    ("config", "training", "count"),
+    [
+        (replace(CONFIG, patch_size=7), TRAINING, 18),
+        (replace(CONFIG, classes=("a", "b", "c")), TRAINING, 18),
+        (CONFIG, replace(TRAINING, epochs=5), 18),
+        (CONFIG, replace(TRAINING, seed=5), 18),
+        (CONFIG, replace(TRAINING, augmentation=Augmentation(jitter=0.5)), 18),
+        (CONFIG, TRAINING, 17),
+    ],
+    ids=["network", "classes", "epochs", "seed", "augmentation", "data"],
+)
+def test_a_run_with_other_settings_or_data_is_not_resumed(
+    shapes, uninterrupted, config, training, count
+):
+    trainer = Trainer(config, training, shapes[:count], uninterrupted.folder)
+    before = weights(trainer)
+    with pytest.raises(ValueError, match="other settings or data"):
+        trainer.resume()
+    assert same(weights(trainer), before)
+
+
+def test_the_log_has_a_line_for_each_epoch(uninterrupted):
+    lines = (uninterrupted.folder / LOG_FILE).read_text().splitlines()
+    records = [json.loads(line) for line in lines]
+    assert [record["epoch"] for record in records] == [1, 2, 3, 4]
+    assert records == uninterrupted.history
+    assert records[0].keys() >= {"loss", "train_accuracy", "learning_rate", "seconds"}
+    assert (uninterrupted.folder / RESUME_FILE).is_file()
+
+
+def test_validation_figures_join_the_record(shapes, tmp_path):
+    trainer = Trainer(CONFIG, replace(TRAINING, epochs=2), shapes, tmp_path)
+    seen = []
+    trainer.run(seen.append, lambda network: {"val_accuracy": accuracy(network, shapes)})
+    assert [0 <= record["val_accuracy"] <= 1 for record in seen] == [True, True]
+    assert seen == trainer.history
+
+
+def test_three_shapes_are_learnt(shapes, tmp_path):
+    trainer = Trainer(CONFIG, replace(TRAINING, epochs=12), shapes, tmp_path)
+    checkpoint = trainer.run(ignore)
+    assert trainer.history[-1]["loss"] < trainer.history[0]["loss"]
+    assert trainer.history[-1]["train_accuracy"] >= 0.9
+    assert accuracy(checkpoint.network, shapes) >= 0.9
+    assert not checkpoint.network.training
+    assert checkpoint.training["protocol"]["epochs"] == 12
+
+
+def test_prediction_does_not_depend_on_the_batch(shapes, uninterrupted):
+    alone = predict(uninterrupted.network, shapes, 1)
+    assert predict(uninterrupted.network, shapes, 5) == pytest.approx(alone, abs=1e-5)
+    assert alone.shape == (18, 3)
+
+
+def test_refused_files_count_as_wrong(shapes, uninterrupted):
+    right = accuracy(uninterrupted.network, shapes) * 18
+    assert accuracy(uninterrupted.network, shapes, refused=9) == pytest.approx(right / 27)
