@@ -5,7 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from model.descriptors import descriptor_terms, pooling_features
+from model.loading import load_mesh
 from model.mesh import Mesh
+from model.preparation import prepare
 from model.topology import build_topology
 from model.topology.pooling import SLACK
 from model.topology.surface import Surface, gather_mean
@@ -96,6 +99,19 @@ def test_low_targets_are_reached_in_one_level(target):
     features = np.random.default_rng(target).random((500, 3))
     _, count = pool_levels(Surface.of(torus()), features, [target])
     assert target - SLACK <= count <= target
+
+
+def test_all_of_shrec11_reaches_its_targets_and_every_level_is_sound(shrec):
+    counts = []
+    for path in sorted(shrec.glob("*/*/*.obj")):
+        mesh, _ = prepare(load_mesh(path), 500)
+        surface = Surface.of(mesh)
+        terms = descriptor_terms(mesh.vertices, mesh.faces, surface.twin, False)
+        counts.append(pool_levels(surface, pooling_features(terms), [400, 300, 200])[1:])
+    below = np.array([400, 300, 200]) - counts
+    assert len(counts) == 600
+    assert (below >= 0).all()
+    assert (below <= 3).all(axis=1).mean() >= 0.95
 
 
 def test_pooling_is_deterministic():
