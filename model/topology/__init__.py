@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from model.topology.surface import Surface, gather_mean
+from model.topology.pooling import gather_mean
+from model.topology.surface import Surface
 
 __all__ = ["Surface", "Topology", "build_topology"]
 

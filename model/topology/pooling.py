@@ -339,3 +339,19 @@ def _compact(
         for column in range(offsets[f + 1] - offsets[f]):
             index[row, column] = members[offsets[f] + column] + 1
     return kept, pooled_twin, index
+
+
+@njit(cache=True, nogil=True)
+def gather_mean(features: NDArray, index: NDArray[np.int32]) -> NDArray:
+    """Mean of the rows (F x C) that each row of a null-padded index (F' x W) names: F' x C."""
+    means = np.zeros((len(index), features.shape[1]), features.dtype)
+    for row in range(len(index)):
+        present = 0
+        for entry in index[row]:
+            if entry > 0:
+                present += 1
+                for c in range(features.shape[1]):
+                    means[row, c] += features[entry - 1, c]
+        for c in range(features.shape[1]):
+            means[row, c] /= present
+    return means

@@ -44,10 +44,3 @@ class Surface:
         """
         kept, twin, index = pool_faces(self.twin, features, target)
         return Surface(twin, self.lengths.reshape(-1, 3)[kept].reshape(-1)), index
-
-
-def gather_mean(features: NDArray, index: NDArray[np.int32]) -> NDArray:
-    """Mean of the rows that each row of a null-padded index (F' x W) names: F' x C."""
-    present = index > 0
-    gathered = features[np.maximum(index, 1) - 1] * present[..., None]
-    return gathered.sum(axis=1) / present.sum(axis=1, keepdims=True)

@@ -10,8 +10,8 @@ from model.loading import load_mesh
 from model.mesh import Mesh
 from model.preparation import prepare
 from model.topology import build_topology
-from model.topology.pooling import SLACK
-from model.topology.surface import Surface, gather_mean
+from model.topology.pooling import SLACK, gather_mean
+from model.topology.surface import Surface
 from tests.meshes import torus
 from tests.surfaces import closed_surface, triangles
 

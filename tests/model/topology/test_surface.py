@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 
 from model.mesh import Mesh
 from model.topology import build_topology
-from model.topology.surface import Surface, gather_mean
+from model.topology.pooling import gather_mean
+from model.topology.surface import Surface
 from tests.meshes import torus
 from tests.surfaces import MANIFOLD, triangles
 
