@@ -152,7 +152,6 @@ def _with_progress(
 def _print_table(records: "Iterable[Answer | Refusal]") -> int:
     """Print a table for people; returns the number of refusals."""
     from rich.console import Console
-    from rich.markup import escape
     from rich.table import Table
 
     from service.records import Refusal
@@ -165,26 +164,33 @@ def _print_table(records: "Iterable[Answer | Refusal]") -> int:
     table.add_column("Faces", no_wrap=True)
     refused: list[Refusal] = []
     for record in records:
-        name = escape(record.file or "")
+        name = _shown(record.file or "")
         if isinstance(record, Refusal):
             refused.append(record)
-            table.add_row(name, f"[red]{escape(record.error.fault)}[/red]")
+            table.add_row(name, f"[red]{_shown(record.error.fault)}[/red]")
             continue
         table.add_row(
             name,
-            f"[bold]{escape(record.class_)}[/bold]",
+            f"[bold]{_shown(record.class_)}[/bold]",
             f"{record.probability:.1%}",
             ", ".join(
-                f"{escape(score.class_)} {score.probability:.1%}" for score in record.scores[1:]
+                f"{_shown(score.class_)} {score.probability:.1%}" for score in record.scores[1:]
             ),
             _faces(record.mesh.faces_in, record.mesh.faces_used),
         )
     console = Console(highlight=False)
     console.print(table)
     for record in refused:  # below: a sentence in a column would squeeze all others
-        line = f"{escape(record.file or '')}: {escape(record.error.message)}"
+        line = f"{_shown(record.file or '')}: {_shown(record.error.message)}"
         console.print(f"[red]{line}[/red]", soft_wrap=True)
     return len(refused)
+
+
+def _shown(text: str) -> str:
+    """Text as it is, for rich: no markup, and nothing in it commands the terminal."""
+    from rich.markup import escape
+
+    return escape("".join(char if char.isprintable() else "\ufffd" for char in text))
 
 
 def _faces(faces_in: int, faces_used: int) -> str:

@@ -83,5 +83,20 @@ def test_the_self_test_fails_where_it_classifies_another_mesh(classifier: Classi
         Classifier(with_probe(classifier.model, probe)).self_test()
 
 
+@pytest.mark.parametrize(
+    "probe",
+    [
+        {},
+        {"sample": "unheard of", "scores": [1.0, 2.0, 3.0]},
+        {"sample": "ants"},
+        {"sample": "ants", "scores": "many"},
+        {"sample": "ants", "scores": [1.0, 2.0]},
+    ],
+)
+def test_the_self_test_fails_without_a_sound_probe(classifier: Classifier, probe: dict) -> None:
+    with pytest.raises(SelfTestError, match="model tiny"):
+        Classifier(with_probe(classifier.model, probe)).self_test()
+
+
 def with_probe(model: Model, probe: dict) -> Model:
     return dataclasses.replace(model, card=dataclasses.replace(model.card, probe=probe))

@@ -33,7 +33,8 @@ def at_a_terminal(*arguments: object, cwd: Path) -> tuple[int, list[str]]:
             break
         output += chunk
     os.close(master)
-    shown = re.sub(r"\x1b\[[0-9;?]*[a-zA-Z]", "", output.decode())
+    assert not re.search(rb"\x1b\[[0-9;?]*[^0-9;?m]", output)  # colours, and nothing else
+    shown = re.sub(r"\x1b\[[0-9;]*m", "", output.decode())
     return process.wait(60), [line.rstrip() for line in shown.splitlines()]
 
 
@@ -66,3 +67,10 @@ def test_top_counts_in_the_table_too(model_file: Path, meshes: Path) -> None:
 def test_json_on_request(model_file: Path, meshes: Path) -> None:
     _, (line,) = at_a_terminal("classify", "ring.obj", "--json", "--model", model_file, cwd=meshes)
     assert line.startswith('{"file":"ring.obj","class":')
+
+
+def test_a_file_name_commands_nothing(model_file: Path, tmp_path: Path) -> None:
+    (tmp_path / "[bold]\x1b[2J\x07.obj").write_text("v 0 0 0\n")
+    _, shown = at_a_terminal("classify", ".", "--model", model_file, cwd=tmp_path)
+    assert shown[1].startswith("[bold]\ufffd[2J\ufffd.obj ")
+    assert shown[2].startswith("[bold]\ufffd[2J\ufffd.obj: the file holds no triangles")
