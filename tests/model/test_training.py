@@ -11,7 +11,7 @@ from model.augmentation import Augmentation
 from model.config import NetworkConfig
 from model.datasets import LabelledMesh
 from model.evaluation import accuracy, predict
-from model.inputs import mesh_inputs
+from model.inputs import collate, mesh_inputs
 from model.preparation import prepare
 from model.topology import Surface
 from model.training import LOG_FILE, RESUME_FILE, Trainer, TrainingConfig
@@ -126,6 +126,17 @@ def test_another_seed_gives_other_weights(shapes, uninterrupted, tmp_path):
     other = Trainer(CONFIG, replace(TRAINING, seed=1), shapes, tmp_path)
     other.run(ignore)
     assert not same(weights(other), weights(uninterrupted))
+
+
+def test_every_epoch_sees_other_copies_in_another_order(shapes, tmp_path, monkeypatch):
+    batches = []
+    monkeypatch.setattr(
+        "model.training.collate", lambda batch: batches.append(collate(batch)) or batches[-1]
+    )
+    Trainer(CONFIG, replace(TRAINING, epochs=2), shapes, tmp_path).run(ignore)
+    assert len(batches) == 6
+    centroids = [{tuple(row) for row in batch["terms"][:, 9:12].tolist()} for batch in batches]
+    assert all(not one & two for i, one in enumerate(centroids) for two in centroids[:i])
 
 
 def test_an_empty_folder_starts_from_the_beginning(shapes, tmp_path):

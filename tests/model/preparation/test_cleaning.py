@@ -108,6 +108,14 @@ def test_degenerate_and_duplicate_faces_are_dropped_and_counted():
     assert counts["watertight"]
 
 
+def test_a_height_that_is_lost_in_rounding_is_none():
+    mesh = cube()
+    sliver = Mesh([*mesh.vertices, (0.5, -1e-11, 0)], [*mesh.faces, [0, 4, 8]])
+    thin = Mesh([*mesh.vertices, (0.5, -1e-5, 0)], [*mesh.faces, [0, 4, 8]])
+    assert clean(sliver)[2]["degenerate_dropped"] == 1
+    assert clean(thin)[2]["degenerate_dropped"] == 0
+
+
 def test_nothing_but_lines_and_points_has_no_area():
     line = Mesh([(0, 0, 0), (1, 1, 1), (2, 2, 2)], [[0, 1, 2], [0, 0, 1]])
     with pytest.raises(UnusableMesh, match="none of the 2 faces") as caught:
