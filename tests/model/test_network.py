@@ -61,6 +61,8 @@ CLOSED = {
     "torus": torus(),
     "another": torus(50, 5, tube=0.7),
     "two": together(torus(15, 10), torus(20, 5).moved(torus(20, 5).vertices + 4)),
+    "subdivided": torus(12, 8),
+    "decimated": torus(40, 20),
 }
 
 
@@ -68,7 +70,6 @@ CLOSED = {
 @pytest.mark.parametrize("change", CHANGES)
 @pytest.mark.parametrize("mesh", CLOSED.values(), ids=CLOSED.keys())
 def test_how_a_mesh_is_written_down_does_not_change_its_scores(config, mesh, change, seed):
-    assert len(mesh.faces) == config.face_budget
     network = untrained(config)
     other = change(mesh, np.random.default_rng(seed))
     assert score(network, other) == close(score(network, mesh))
@@ -84,7 +85,7 @@ def test_nor_does_it_for_an_open_sheet(config, change):
 
 def test_the_shape_does_change_the_scores(config):
     network = untrained(config)
-    one, two, three = (score(network, mesh) for mesh in (*CLOSED.values(),))
+    one, two, three = (score(network, CLOSED[name]) for name in ("torus", "another", "two"))
     assert np.abs(one - two).max() > 0.01
     assert np.abs(one - three).max() > 0.01
 
