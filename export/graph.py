@@ -6,7 +6,6 @@ A wrapper of its own, so that the training module stays free of export matters.
 import copy
 from itertools import pairwise
 
-import torch
 from torch import Tensor, nn
 from torch.nn.utils.fusion import fuse_linear_bn_eval
 
@@ -24,9 +23,6 @@ class ExportedNetwork(nn.Module):
     def forward(self, terms: Tensor, *indices: Tensor) -> tuple[Tensor, Tensor]:
         levels = self.network.config.levels
         patches, pools, (readout,) = indices[:levels], indices[levels:-1], indices[-1:]
-        if self.network.config.patch_size == 1:
-            # ONNX cannot reshape a table without neighbours; a null face for one says the same.
-            patches = [torch.cat([patch, torch.zeros_like(patch)], dim=1) for patch in patches]
         return self.network(terms, patches, pools, readout)
 
 

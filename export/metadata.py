@@ -5,8 +5,10 @@ A runtime needs the file and nothing else. Reading the card needs neither torch 
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any
+from typing import Annotated, Any
+
+from pydantic import ConfigDict, Field, TypeAdapter, ValidationError, model_validator
+from pydantic.dataclasses import dataclass
 
 from model.config import NetworkConfig
 
@@ -14,51 +16,59 @@ PREFIX = "meshconv3d."
 FORMAT_VERSION = 1
 NORMALISATION = "surface centroid at the origin, farthest vertex on the unit sphere"
 
+Version = Annotated[int, Field(ge=1, le=FORMAT_VERSION)]
+
 
 class ModelFileError(ValueError):
     """A file that is no model of this project, is damaged, or was made by a newer version."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, config=ConfigDict(extra="forbid"))
+class Probe:
+    """A sample mesh by name, and the scores (N_c) that torch gives it."""
+
+    sample: str
+    scores: tuple[float, ...]
+
+
+@dataclass(frozen=True, config=ConfigDict(extra="forbid"))
 class ModelCard:
     """Everything in a model file that is not the graph.
 
-    config: the network, its topology and its classes. preparation: what a mesh must go through
-    first. opset: of the graph. training: data, protocol and seed. accuracy: figures with their
-    protocol. parity: largest relative difference to torch of each output, and on what.
-    probe: a sample mesh by name and its scores; whoever runs the model can test it with that.
+    config: the network, its topology and its classes. opset: of the graph. training: data,
+    protocol and seed. accuracy: figures with their protocol. parity: largest relative difference
+    to torch of each output, and on what. probe: by which whoever runs the model can test it.
     """
 
     name: str
     config: NetworkConfig
     opset: int
-    training: dict[str, Any] = field(default_factory=dict)
-    accuracy: dict[str, Any] = field(default_factory=dict)
-    parity: dict[str, Any] = field(default_factory=dict)
-    probe: dict[str, Any] = field(default_factory=dict)
-    format_version: int = FORMAT_VERSION
+    training: dict[str, Any]
+    accuracy: dict[str, Any]
+    parity: dict[str, Any]
+    probe: Probe
+    format_version: Version = FORMAT_VERSION
+
+    @model_validator(mode="after")
+    def _check(self) -> "ModelCard":
+        if len(self.probe.scores) != len(self.config.classes):
+            raise ValueError("the probe must have one score for each class")
+        return self
 
     @property
     def preparation(self) -> dict[str, Any]:
+        """What a mesh must go through before the topology stage."""
         return {"face_budget": self.config.face_budget, "normalisation": NORMALISATION}
+
+    def to_dict(self) -> dict[str, Any]:
+        """The card as plain values, for people and programs."""
+        return TypeAdapter(ModelCard).dump_python(self, mode="json") | {
+            "preparation": self.preparation
+        }
 
     def to_properties(self) -> dict[str, str]:
         """The card as `metadata_props` of an ONNX file."""
         return {PREFIX + name: json.dumps(value) for name, value in self.to_dict().items()}
-
-    def to_dict(self) -> dict[str, Any]:
-        """The card as plain values, for people and programs."""
-        return {
-            "format_version": self.format_version,
-            "name": self.name,
-            "config": json.loads(self.config.to_json()),
-            "preparation": self.preparation,
-            "opset": self.opset,
-            "training": self.training,
-            "accuracy": self.accuracy,
-            "parity": self.parity,
-            "probe": self.probe,
-        }
 
 
 def read_card(properties: Mapping[str, str]) -> ModelCard:
@@ -74,27 +84,21 @@ def read_card(properties: Mapping[str, str]) -> ModelCard:
             for name, value in properties.items()
             if name.startswith(PREFIX)
         }
-        version = int(values["format_version"])
-        if version > FORMAT_VERSION:
+        if isinstance(version := values["format_version"], int) and version > FORMAT_VERSION:
+            # Before all else: what a newer version wrote need not look damaged to this one.
             raise ModelFileError(
                 f"the model file has format {version}, this version reads up to "
                 f"{FORMAT_VERSION}: upgrade meshconv3d"
             )
-        card = ModelCard(
-            name=str(values["name"]),
-            config=NetworkConfig.from_json(json.dumps(values["config"])),
-            opset=int(values["opset"]),
-            training=dict(values["training"]),
-            accuracy=dict(values["accuracy"]),
-            parity=dict(values["parity"]),
-            probe=dict(values["probe"]),
-            format_version=version,
-        )
-        preparation = values["preparation"]
+        preparation = values.pop("preparation", "missing: preparation")
+        card = TypeAdapter(ModelCard).validate_python(values)
     except ModelFileError:
         raise
-    except (KeyError, TypeError, ValueError) as error:
-        raise ModelFileError(f"the model file's metadata is damaged: {error!r}") from None
+    except ValidationError as error:
+        problems = "; ".join(f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors())
+        raise ModelFileError(f"the model file's metadata is damaged: {problems}") from None
+    except ValueError as error:
+        raise ModelFileError(f"the model file's metadata is damaged: {error}") from None
     if preparation != card.preparation:
         raise ModelFileError(
             f"the model wants meshes prepared as {preparation}, "

@@ -5,14 +5,13 @@ import os
 import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import onnx
 import torch
 from torch.export import Dim
 
 from export.graph import ExportedNetwork
-from export.metadata import ModelCard
+from export.metadata import ModelCard, Probe
 from export.parity import OUTPUTS, check_parity
 from model.checkpoint import Checkpoint
 from model.config import NetworkConfig
@@ -49,11 +48,11 @@ def export_model(
     return card
 
 
-def probe(network: Network, sample: str, inputs: MeshInputs) -> dict[str, Any]:
+def probe(network: Network, sample: str, inputs: MeshInputs) -> Probe:
     """A sample mesh with its scores, by which a runtime can test itself."""
     with torch.inference_mode():
         scores, _ = network.eval()(*as_tensors(collate([inputs]), network.config.levels))
-    return {"sample": sample, "scores": [round(score, 5) for score in scores[0].tolist()]}
+    return Probe(sample, tuple(round(score, 5) for score in scores[0].tolist()))
 
 
 def trace_graph(network: Network, meshes: Sequence[MeshInputs]) -> onnx.ModelProto:

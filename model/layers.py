@@ -63,6 +63,8 @@ class PatchConvolution(nn.Module):
 
 def patch_statistics(features: Tensor, neighbours: Tensor) -> Tensor:
     """(centre, mean, mean absolute difference): N x C, N x (K - 1) -> N x 3 C."""
+    if neighbours.shape[1] == 0:  # K = 1
+        return torch.cat([features, torch.zeros_like(features), torch.zeros_like(features)], dim=1)
     present = count_present(neighbours, features)
     rows = gather_rows(features, neighbours)  # N x (K - 1) x C
     differences = (rows - features[:, None]).abs().sum(dim=1)

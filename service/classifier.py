@@ -2,13 +2,14 @@
 
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from model.errors import MeshError
 from model.inputs import collate, mesh_inputs
 from model.loading import load_mesh
 from model.preparation import MeshReport, prepare
@@ -19,6 +20,8 @@ from service.models import DEFAULT_MODEL, Model, open_model
 # largest: rounding moves them by 1e-6, another triangulation of the sample by more than this.
 SELF_TEST_TOLERANCE = 1e-2
 
+Source = str | os.PathLike[str] | tuple[bytes, str | None]
+
 
 class SelfTestError(RuntimeError):
     """A model does not give, on this machine, the scores it gave when it was exported."""
@@ -26,12 +29,12 @@ class SelfTestError(RuntimeError):
 
 @dataclass(frozen=True, eq=False)
 class Classification:
-    """What a mesh is. scores: N_c float32 logits; probabilities: their softmax.
+    """What a mesh is, by which model. scores: N_c float32 logits; probabilities: their softmax.
 
     timings_ms: wall-clock milliseconds of each stage: read, prepare, topology, infer.
     """
 
-    classes: tuple[str, ...]
+    model: Model
     scores: NDArray[np.float32]
     probabilities: NDArray[np.float64]
     report: MeshReport
@@ -41,6 +44,11 @@ class Classification:
     def ranking(self) -> list[int]:
         """Class indices, likeliest first."""
         return np.argsort(-self.scores, kind="stable").tolist()
+
+    @property
+    def classes(self) -> tuple[str, ...]:
+        """Names of the classes, in the order of the scores."""
+        return self.model.card.config.classes
 
     @property
     def label(self) -> str:
@@ -81,7 +89,20 @@ class Classifier:
             arrays = collate([mesh_inputs(mesh, config)])
         with _timed(timings, "infer"):
             scores = np.asarray(self.model.session.run(["scores"], arrays)[0])[0]
-        return Classification(config.classes, scores, softmax(scores), report, timings)
+        return Classification(self.model, scores, softmax(scores), report, timings)
+
+    def classify_many(
+        self, sources: Iterable[Source]
+    ) -> Iterator[Classification | MeshError | OSError]:
+        """Classify files one after the other, in order: for each its result, or why it has none.
+
+        A source is a path, or the bytes of a file with their declared name or None.
+        """
+        for source in sources:
+            try:
+                yield self.classify(*source) if isinstance(source, tuple) else self.classify(source)
+            except (MeshError, OSError) as error:
+                yield error
 
     def self_test(self) -> None:
         """Classify the sample whose scores the export stored; it also warms every stage up.
@@ -89,10 +110,13 @@ class Classifier:
         Raises SelfTestError when the scores are not those.
         """
         card = self.model.card
-        path = sample_paths().get(card.probe.get("sample", ""))
-        expected = np.array(card.probe.get("scores", []))
-        if path is None or expected.shape != (len(card.config.classes),):
-            raise SelfTestError(f"model {card.name} has no probe that fits it: {card.probe}")
+        path = sample_paths().get(card.probe.sample)
+        if path is None:
+            raise SelfTestError(
+                f"model {card.name} wants to be tested on the sample {card.probe.sample!r}, "
+                "which this version of meshconv3d does not have"
+            )
+        expected = np.array(card.probe.scores)
         scores = self.classify(path).scores
         difference = np.abs(scores - expected).max() / np.abs(expected).max()
         if not difference <= SELF_TEST_TOLERANCE:

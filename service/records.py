@@ -5,7 +5,6 @@ from pydantic import BaseModel, Field
 from model.errors import MeshError
 from model.preparation import MeshReport
 from service.classifier import Classification
-from service.models import Model
 
 
 class ClassScore(BaseModel):
@@ -51,9 +50,7 @@ class Refusal(BaseModel):
     error: Reason
 
 
-def answer(
-    file: str | None, result: Classification, model: Model, top: int | None = None
-) -> Answer:
+def answer(file: str | None, result: Classification, top: int | None = None) -> Answer:
     """The record of a result, with the `top` likeliest classes, or all."""
     scores = [
         ClassScore(
@@ -68,7 +65,7 @@ def answer(
         class_=scores[0].class_,
         probability=scores[0].probability,
         scores=scores,
-        model=ModelId(name=model.card.name, sha256=model.sha256),
+        model=ModelId(name=result.model.card.name, sha256=result.model.sha256),
         mesh=result.report,
         timings_ms=result.timings_ms,
     )

@@ -90,16 +90,14 @@ def test_classifying_needs_nothing_of_training(name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("module", "arguments"),
+    "arguments",
     [
-        ("torch", ["train", "{folder}", "--out", "{folder}/out"]),
-        ("torch", ["export", "{file}", "-o", "{folder}/model.onnx"]),
-        ("onnx", ["verify", "{file}", "--checkpoint", "{file}"]),
+        ["train", "{folder}", "--out", "{folder}/out"],
+        ["export", "{file}", "-o", "{folder}/model.onnx"],
+        ["verify", "{file}", "--checkpoint", "{file}"],
     ],
 )
-def test_a_missing_extra_is_named_in_one_line(
-    tmp_path: Path, module: str, arguments: list[str]
-) -> None:
+def test_a_missing_extra_is_named_in_one_line(tmp_path: Path, arguments: list[str]) -> None:
     file = tmp_path / "file"
     file.touch()
     given = [argument.format(folder=tmp_path, file=file) for argument in arguments]
@@ -107,7 +105,6 @@ def test_a_missing_extra_is_named_in_one_line(
     assert done.returncode == 1
     assert done.stdout == ""
     (line,) = done.stderr.splitlines()
-    assert module in line
     assert "meshconv3d[train]" in line
 
 

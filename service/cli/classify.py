@@ -2,7 +2,7 @@
 
 import os
 import sys
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -100,20 +100,17 @@ def _expand(paths: Iterable[str]) -> Iterator[str]:
 
 
 def _classify_all(
-    classifier: "Classifier", files: Iterable[str], declared: str | None, top: int | None
+    classifier: "Classifier", files: Sequence[str], declared: str | None, top: int | None
 ) -> "Iterator[Answer | Refusal]":
-    from model.errors import MeshError
+    from service.classifier import Classification
     from service.records import answer, refusal
 
-    for file in files:
-        try:
-            if file == STDIN:
-                result = classifier.classify(sys.stdin.buffer.read(), declared)
-            else:
-                result = classifier.classify(file)
-            yield answer(_readable(file), result, classifier.model, top)
-        except (MeshError, OSError) as error:
-            yield refusal(_readable(file), error)
+    sources = ((sys.stdin.buffer.read(), declared) if file == STDIN else file for file in files)
+    for file, result in zip(files, classifier.classify_many(sources), strict=True):
+        if isinstance(result, Classification):
+            yield answer(_readable(file), result, top)
+        else:
+            yield refusal(_readable(file), result)
 
 
 def _readable(file: str) -> str:

@@ -51,7 +51,7 @@ class Commands(click.Group):
                 raise
             raise click.ClickException(
                 f"this command needs {error.name}, which comes with an extra: "
-                "pip install torch==2.13.0 'meshconv3d[train]'"
+                "pip install 'meshconv3d[train]'"
             ) from None
         except BrokenPipeError:
             # Here, since click would make it exit code 1.

@@ -13,20 +13,24 @@ import click
 @click.option("--max-upload-bytes", type=int, help="Largest request body. [default: 104857600]")
 @click.option("--workers", type=int, help="Meshes classified at the same time. [default: 2]")
 def serve(**flags: str | int | None) -> None:
-    """Answer over HTTP: POST a mesh to /v1/classify; the API is described at /docs.
+    """Answer over HTTP: POST a mesh to /v1/classify; the API is described at /openapi.json.
 
     Every option can also be set as a variable: MESHCONV3D_MODEL, MESHCONV3D_HOST, and so on.
     """
     import uvicorn
     import uvicorn.config
 
+    from service.classifier import SelfTestError
     from service.cli.classify import load_classifier, read_settings
     from service.http.app import create_app
 
     # To be stopped is no failure. The server drains first, then raises the signal once more.
     signal.signal(signal.SIGTERM, _stop)
     settings = read_settings(flags)
-    app = create_app(load_classifier(settings.model), settings)
+    try:
+        app = create_app(load_classifier(settings.model), settings)
+    except SelfTestError as error:
+        raise click.ClickException(str(error)) from None
     logs = copy.deepcopy(uvicorn.config.LOGGING_CONFIG)
     logs["handlers"]["access"]["stream"] = "ext://sys.stderr"
     uvicorn.run(app, host=settings.host, port=settings.port, server_header=False, log_config=logs)

@@ -36,13 +36,16 @@ REQUEST_BODY = {
 
 
 def create_app(classifier: Classifier, settings: Settings) -> FastAPI:
-    """The service around one classifier. It tests itself before it reports ready."""
+    """The service around one classifier, which must prove itself first.
+
+    Raises SelfTestError when the model does not give its stored scores here.
+    """
+    classifier.self_test()
     ready = False
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
         nonlocal ready
-        await anyio.to_thread.run_sync(classifier.self_test)
         ready = True
         yield
         ready = False
@@ -52,6 +55,9 @@ def create_app(classifier: Classifier, settings: Settings) -> FastAPI:
         summary="What is this 3D mesh?",
         version=importlib.metadata.version("meshconv3d"),
         lifespan=lifespan,
+        # These pages would load their scripts from a public server.
+        docs_url=None,
+        redoc_url=None,
     )
     app.add_middleware(BodyLimit, limit=settings.max_upload_bytes)
     install_problem_handlers(app)
@@ -80,7 +86,7 @@ def create_app(classifier: Classifier, settings: Settings) -> FastAPI:
         result = await anyio.to_thread.run_sync(
             classifier.classify, upload.content, upload.declared, limiter=workers
         )
-        return answer(upload.name, result, classifier.model, top)
+        return answer(upload.name, result, top)
 
     @app.get("/v1/models")
     async def models() -> dict:

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from export.metadata import FORMAT_VERSION, PREFIX, ModelCard, ModelFileError, read_card
+from export.metadata import FORMAT_VERSION, PREFIX, ModelCard, ModelFileError, Probe, read_card
 from model.config import NetworkConfig
 
 CARD = ModelCard(
@@ -16,7 +16,7 @@ CARD = ModelCard(
     training={"data": {"name": "SHREC11", "train": 480}, "seed": 3, "lr": 1e-3},
     accuracy={"test": 0.98, "protocol": "16 of 20"},
     parity={"scores": 2.5e-7, "meshes": 10},
-    probe={"sample": "ants", "scores": [1.5, -2.25]},
+    probe=Probe("ants", (1.5, -2.25, 0.0)),
 )
 
 
@@ -70,6 +70,9 @@ def test_every_entry_is_needed(missing: str) -> None:
         ("training", "[1"),
         ("accuracy", "7"),
         ("probe", '"text"'),
+        ("probe", '{"sample": "ants"}'),
+        ("probe", '{"sample": "ants", "scores": "many"}'),
+        ("probe", '{"sample": "ants", "scores": [1.0]}'),
     ],
 )
 def test_damage_is_refused(name: str, value: str) -> None:

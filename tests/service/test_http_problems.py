@@ -147,8 +147,8 @@ def test_an_unforeseen_failure_hides_its_reason_and_names_the_request(
     def fail(*_: object) -> None:
         raise ZeroDivisionError("at a secret place")
 
-    monkeypatch.setattr(classifier, "classify", fail)
     app = httpx.ASGITransport(create_app(classifier, Settings()), raise_app_exceptions=False)
+    monkeypatch.setattr(classifier, "classify", fail)
 
     async def ask() -> httpx.Response:
         async with httpx.AsyncClient(transport=app, base_url="http://service") as client:

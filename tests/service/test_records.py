@@ -24,7 +24,7 @@ def result(classifier: Classifier) -> Classification:
 
 
 def test_an_answer_as_json(classifier: Classifier, result: Classification) -> None:
-    record = json.loads(answer("ants.obj", result, classifier.model).model_dump_json(by_alias=True))
+    record = json.loads(answer("ants.obj", result).model_dump_json(by_alias=True))
     assert list(record) == [
         *("file", "class", "probability", "scores", "model", "mesh", "timings_ms")
     ]
@@ -46,8 +46,8 @@ def test_an_answer_as_json(classifier: Classifier, result: Classification) -> No
 def test_top_keeps_the_likeliest(
     classifier: Classifier, result: Classification, top: int | None, count: int
 ) -> None:
-    all_scores = answer(None, result, classifier.model).scores
-    assert answer(None, result, classifier.model, top).scores == all_scores[:count]
+    all_scores = answer(None, result).scores
+    assert answer(None, result, top).scores == all_scores[:count]
 
 
 def test_a_refusal_holds_the_fault_and_the_reason() -> None:
