@@ -64,7 +64,8 @@ def stages(config: NetworkConfig, model_name: str) -> None:
     terms = descriptor_terms(mesh.vertices, mesh.faces, surface.twin, config.absolute_offsets)
     features = pooling_features(terms)
     adjacency = sort_adjacency(surface.twin, surface.lengths)
-    arrays = collate([mesh_inputs(mesh, config)])
+    inputs = mesh_inputs(mesh, config)
+    arrays = collate([inputs])
     session = open_model(model_name).session
     rows = {
         f"read ({path.name}, {len(content) / 1000:.0f} kB)": lambda: load_mesh(content, path.name),
@@ -78,7 +79,7 @@ def stages(config: NetworkConfig, model_name: str) -> None:
         f"  one pooling, to {config.targets[0]}": lambda: pool_faces(
             surface.twin, features, config.targets[0]
         ),
-        "collate": lambda: collate([mesh_inputs(mesh, config)]),
+        "collate": lambda: collate([inputs]),
         "graph (onnxruntime)": lambda: session.run(["scores"], arrays),
     }
     print(f"\nOne mesh of {len(mesh.faces)} faces, one thread         ms")
