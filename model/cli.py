@@ -1,16 +1,20 @@
 """`meshconv3d train`: a folder of labelled meshes in, a checkpoint with its curves out."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from model.config import PRESETS
+from model.config import PRESETS, NetworkConfig
 
 if TYPE_CHECKING:
-    from model.datasets import LabelledMesh, Sample
+    from model.checkpoint import Checkpoint
+    from model.datasets import LoadedSamples, Sample
+    from model.network import Network
     from model.training import Trainer
 
+SPLITS = ("train", "val", "test")
 CHECKPOINT_FILE = "model.safetensors"
 CURVES_FILE = "curves.png"
 EXISTING_FOLDER = click.Path(exists=True, file_okay=False, path_type=Path)
@@ -67,7 +71,6 @@ def train(
     from model.config import preset
     from model.curves import draw_curves
     from model.datasets import DatasetError, class_names, find_samples
-    from model.evaluation import accuracy
     from model.training import Trainer, TrainingConfig
 
     if threads:
@@ -77,11 +80,13 @@ def train(
     except DatasetError as error:
         raise click.UsageError(str(error)) from None
     config = preset(preset_name, class_names(samples))
-    training = TrainingConfig(seed=seed, epochs=epochs, batch_size=batch_size)
-    parts = {split: _load(samples, split, config) for split in ("train", "val", "test")}
-    meshes, _ = parts["train"]
+    parts = {split: _load(samples, split, config) for split in SPLITS}
+    meshes = parts["train"].meshes
     if len(meshes) < batch_size:
-        raise click.UsageError(f"{len(meshes)} training meshes do not fill a batch of {batch_size}")
+        raise click.UsageError(
+            f"{len(meshes)} training meshes do not fill a batch: choose a --batch-size below"
+        )
+    training = TrainingConfig(seed=seed, epochs=epochs, batch_size=batch_size)
     try:
         trainer = Trainer(config, training, meshes, out, device)
         done = trainer.resume()
@@ -89,49 +94,61 @@ def train(
         raise click.UsageError(str(error)) from None
     if done:
         click.echo(f"going on after epoch {done}", err=True)
-    validate = _validator(*parts["val"])
-    checkpoint = _run(trainer, epochs, done, validate)
-    measured: dict[str, Any] = {"selection": "last epoch"}
-    if parts["test"][0]:
-        measured["test"] = round(accuracy(checkpoint.network, *parts["test"]), 5)
-        measured["test_meshes"] = len(parts["test"][0]) + parts["test"][1]
-        click.echo(f"test accuracy {measured['test']:.2%} of {measured['test_meshes']} meshes")
+    checkpoint = _run(trainer, epochs, done, _validator(parts["val"]))
     checkpoint.training["data"] = {
         "name": data.resolve().name,
         "split": split_file.name if split_file else "folders",
-        **{split: len(meshes) + refused for split, (meshes, refused) in parts.items()},
+        **{split: part.total for split, part in parts.items()},
     }
-    checkpoint.training["accuracy"] = measured
+    checkpoint.training["accuracy"] = _measure(checkpoint.network, parts["test"])
     save_checkpoint(checkpoint, out / CHECKPOINT_FILE)
     draw_curves(trainer.history, out / CURVES_FILE)
     click.echo(f"wrote {out / CHECKPOINT_FILE}")
 
 
-def _load(samples: "list[Sample]", split: str, config: Any) -> "tuple[list[LabelledMesh], int]":
-    from model.datasets import load_samples
+def _measure(network: "Network", test: "LoadedSamples") -> dict[str, Any]:
+    """Accuracy on the test meshes with its protocol; says it too. Empty without test meshes."""
+    from model.evaluation import accuracy
 
-    chosen = [sample for sample in samples if sample.split == split]
-    return load_samples(chosen, config, lambda part: _track(part, f"Preparing {split}"))
+    if not test.total:
+        return {}
+    share = accuracy(network, test)
+    click.echo(f"test accuracy {share:.2%} of {test.total} meshes")
+    return {"selection": "last epoch", "test": round(share, 5), "test_meshes": test.total}
 
 
-def _track(items: Any, title: str) -> Any:
+def _load(samples: "list[Sample]", split: str, config: "NetworkConfig") -> "LoadedSamples":
     from rich.console import Console
     from rich.progress import track
 
+    from model.datasets import load_samples
+
+    chosen = [sample for sample in samples if sample.split == split]
     console = Console(stderr=True)
-    return track(items, title, console=console, disable=not items or not console.is_terminal)
+    quiet = not chosen or not console.is_terminal
+    return load_samples(
+        chosen,
+        config,
+        lambda part: track(part, f"Preparing {split}", console=console, disable=quiet),
+    )
 
 
-def _validator(meshes: "list[LabelledMesh]", refused: int) -> Any:
+def _validator(val: "LoadedSamples") -> "Callable[[Network], dict[str, Any]]":
     """What measures validation accuracy after an epoch, if there is anything to measure on."""
     from model.evaluation import accuracy
 
-    if not meshes:
+    if not val.total:
         return lambda network: {}
-    return lambda network: {"val_accuracy": round(accuracy(network, meshes, refused), 5)}
+    return lambda network: {"val_accuracy": round(accuracy(network, val), 5)}
 
 
-def _run(trainer: "Trainer", epochs: int, done: int, validate: Any) -> Any:
+def _run(
+    trainer: "Trainer",
+    epochs: int,
+    done: int,
+    validate: "Callable[[Network], dict[str, Any]]",
+) -> "Checkpoint":
+    """Train under a progress bar."""
     from rich.console import Console
     from rich.progress import Progress
 

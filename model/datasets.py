@@ -95,15 +95,27 @@ class LabelledMesh:
     label: int
 
 
+@dataclass(frozen=True, eq=False)
+class LoadedSamples:
+    """The meshes of one split that could be used, and how many files could not."""
+
+    meshes: list[LabelledMesh]
+    refused: int
+
+    @property
+    def total(self) -> int:
+        """Files of the split. Whoever measures accuracy counts a refused one as wrong."""
+        return len(self.meshes) + self.refused
+
+
 def load_samples(
     samples: Sequence[Sample],
     config: NetworkConfig,
     progress: Callable[[Sequence[Sample]], Iterable[Sample]] = iter,
-) -> tuple[list[LabelledMesh], int]:
-    """Read, prepare and build the topology of every sample: (meshes, refused).
+) -> LoadedSamples:
+    """Read, prepare and build the topology of every sample.
 
-    A file that cannot be used is logged with its reason and counted in `refused`; whoever
-    measures accuracy counts it as wrong.
+    A file that cannot be used is logged with its reason and counted as refused.
     """
     meshes: list[LabelledMesh] = []
     refused = 0
@@ -122,4 +134,4 @@ def load_samples(
                 config.classes.index(sample.label),
             )
         )
-    return meshes, refused
+    return LoadedSamples(meshes, refused)

@@ -3,7 +3,7 @@
 import numpy as np
 import torch
 
-from model.datasets import LabelledMesh
+from model.datasets import LabelledMesh, LoadedSamples
 from model.inputs import collate
 from model.network import Network, as_tensors
 
@@ -20,7 +20,10 @@ def predict(network: Network, meshes: list[LabelledMesh], batch_size: int = 16) 
     return torch.cat(scores).numpy()
 
 
-def accuracy(network: Network, meshes: list[LabelledMesh], refused: int = 0) -> float:
-    """Share of meshes whose highest score is their class; refused files count as wrong."""
-    right = predict(network, meshes).argmax(axis=1) == [mesh.label for mesh in meshes]
-    return float(right.sum()) / (len(meshes) + refused)
+def accuracy(network: Network, samples: LoadedSamples) -> float:
+    """Share of files whose highest score is their class; refused files count as wrong."""
+    if not samples.meshes:
+        return 0.0
+    labels = [mesh.label for mesh in samples.meshes]
+    right = predict(network, samples.meshes).argmax(axis=1) == labels
+    return float(right.sum()) / samples.total

@@ -97,11 +97,11 @@ def test_what_is_no_data_set_is_refused(tmp_path):
 def test_samples_are_prepared_and_bad_files_counted(folders, config, caplog):
     samples = [s for s in find_samples(folders) if s.split == "train"]
     with caplog.at_level(logging.WARNING):
-        meshes, refused = load_samples(samples, config)
-    assert refused == 1
+        loaded = load_samples(samples, config)
+    assert (loaded.refused, loaded.total) == (1, 7)
     assert "broken.off" in caplog.text
-    assert [mesh.label for mesh in meshes] == [0, 0, 1, 1, 2, 2]
-    for mesh in meshes:
+    assert [mesh.label for mesh in loaded.meshes] == [0, 0, 1, 1, 2, 2]
+    for mesh in loaded.meshes:
         assert len(mesh.mesh.faces) in (499, 500)
         assert len(mesh.twin) == 3 * len(mesh.mesh.faces)
         assert mesh.inputs.topology.face_counts[0] == len(mesh.mesh.faces)

@@ -9,7 +9,7 @@ import torch
 
 from model.augmentation import Augmentation
 from model.config import NetworkConfig
-from model.datasets import LabelledMesh
+from model.datasets import LabelledMesh, LoadedSamples
 from model.evaluation import accuracy, predict
 from model.inputs import collate, mesh_inputs
 from model.preparation import prepare
@@ -179,7 +179,9 @@ def test_the_log_has_a_line_for_each_epoch(uninterrupted):
 def test_validation_figures_join_the_record(shapes, tmp_path):
     trainer = Trainer(CONFIG, replace(TRAINING, epochs=2), shapes, tmp_path)
     seen = []
-    trainer.run(seen.append, lambda network: {"val_accuracy": accuracy(network, shapes)})
+    trainer.run(
+        seen.append, lambda network: {"val_accuracy": accuracy(network, LoadedSamples(shapes, 0))}
+    )
     assert [0 <= record["val_accuracy"] <= 1 for record in seen] == [True, True]
     assert seen == trainer.history
 
@@ -189,7 +191,7 @@ def test_three_shapes_are_learnt(shapes, tmp_path):
     checkpoint = trainer.run(ignore)
     assert trainer.history[-1]["loss"] < trainer.history[0]["loss"]
     assert trainer.history[-1]["train_accuracy"] >= 0.9
-    assert accuracy(checkpoint.network, shapes) >= 0.9
+    assert accuracy(checkpoint.network, LoadedSamples(shapes, 0)) >= 0.9
     assert not checkpoint.network.training
     assert checkpoint.training["protocol"]["epochs"] == 12
 
@@ -201,5 +203,7 @@ def test_prediction_does_not_depend_on_the_batch(shapes, uninterrupted):
 
 
 def test_refused_files_count_as_wrong(shapes, uninterrupted):
-    right = accuracy(uninterrupted.network, shapes) * 18
-    assert accuracy(uninterrupted.network, shapes, refused=9) == pytest.approx(right / 27)
+    right = accuracy(uninterrupted.network, LoadedSamples(shapes, 0)) * 18
+    with_refused = accuracy(uninterrupted.network, LoadedSamples(shapes, 9))
+    assert with_refused == pytest.approx(right / 27)
+    assert accuracy(uninterrupted.network, LoadedSamples([], 9)) == 0
