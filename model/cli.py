@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from model.checkpoint import Checkpoint
     from model.datasets import LoadedSamples, Sample
     from model.network import Network
-    from model.training import Trainer
+    from model.training import Trainer, TrainingConfig
 
 SPLITS = ("train", "val", "test")
 CHECKPOINT_FILE = "model.safetensors"
@@ -45,6 +45,13 @@ EXISTING_FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
 )
 @click.option("--epochs", type=click.IntRange(1), default=60, show_default=True)
 @click.option("--batch-size", type=click.IntRange(2), default=16, show_default=True)
+@click.option(
+    "--copies",
+    type=click.IntRange(0),
+    default=10,
+    show_default=True,
+    help="Varied copies of each training mesh: other triangles, noise, holes.",
+)
 @click.option("--seed", type=int, default=0, show_default=True)
 @click.option("--device", default="cpu", show_default=True, help="cpu, cuda, cuda:1, ...")
 @click.option("--threads", type=click.IntRange(1), help="CPU threads. [default: all]")
@@ -55,6 +62,7 @@ def train(
     preset_name: str,
     epochs: int,
     batch_size: int,
+    copies: int,
     seed: int,
     device: str,
     threads: int | None,
@@ -80,15 +88,15 @@ def train(
     except DatasetError as error:
         raise click.UsageError(str(error)) from None
     config = preset(preset_name, class_names(samples))
-    parts = {split: _load(samples, split, config) for split in SPLITS}
-    meshes = parts["train"].meshes
-    if len(meshes) < batch_size:
+    training = TrainingConfig(seed=seed, epochs=epochs, batch_size=batch_size, copies=copies)
+    parts = {split: _load(samples, split, config, training) for split in SPLITS}
+    versions = parts["train"].versions
+    if len(versions) < batch_size:
         raise click.UsageError(
-            f"{len(meshes)} training meshes do not fill a batch: choose a --batch-size below"
+            f"{len(versions)} training meshes do not fill a batch: choose a --batch-size below"
         )
-    training = TrainingConfig(seed=seed, epochs=epochs, batch_size=batch_size)
     try:
-        trainer = Trainer(config, training, meshes, out, device)
+        trainer = Trainer(config, training, versions, out, device)
         done = trainer.resume()
     except (ValueError, RuntimeError) as error:
         raise click.UsageError(str(error)) from None
@@ -117,7 +125,10 @@ def _measure(network: "Network", test: "LoadedSamples") -> dict[str, Any]:
     return {"selection": "last epoch", "test": round(share, 5), "test_meshes": test.total}
 
 
-def _load(samples: "list[Sample]", split: str, config: "NetworkConfig") -> "LoadedSamples":
+def _load(
+    samples: "list[Sample]", split: str, config: NetworkConfig, training: "TrainingConfig"
+) -> "LoadedSamples":
+    """The meshes of one split, under a progress bar; those to train on with their copies."""
     from rich.console import Console
     from rich.progress import track
 
@@ -130,6 +141,8 @@ def _load(samples: "list[Sample]", split: str, config: "NetworkConfig") -> "Load
         chosen,
         config,
         lambda part: track(part, f"Preparing {split}", console=console, disable=quiet),
+        copies=training.copies if split == "train" else 0,
+        seed=training.seed,
     )
 
 

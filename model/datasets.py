@@ -2,7 +2,8 @@
 
 import csv
 import logging
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,12 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.config import NetworkConfig
-from model.errors import MeshError
+from model.errors import MeshError, UnusableMesh
 from model.inputs import MeshInputs, mesh_inputs
 from model.loading import FORMATS, load_mesh
 from model.mesh import Mesh
 from model.preparation import prepare
 from model.topology import Surface
+from model.variation import vary
 
 SPLITS = ("train", "val", "test")
 
@@ -97,41 +99,58 @@ class LabelledMesh:
 
 @dataclass(frozen=True, eq=False)
 class LoadedSamples:
-    """The meshes of one split that could be used, and how many files could not."""
+    """The meshes of one split that could be used, and how many files could not.
 
-    meshes: list[LabelledMesh]
+    versions: for each usable file the mesh itself, then its varied copies.
+    """
+
+    versions: list[list[LabelledMesh]]
     refused: int
+
+    @property
+    def meshes(self) -> list[LabelledMesh]:
+        """Every usable mesh as it was found."""
+        return [versions[0] for versions in self.versions]
 
     @property
     def total(self) -> int:
         """Files of the split. Whoever measures accuracy counts a refused one as wrong."""
-        return len(self.meshes) + self.refused
+        return len(self.versions) + self.refused
 
 
 def load_samples(
     samples: Sequence[Sample],
     config: NetworkConfig,
     progress: Callable[[Sequence[Sample]], Iterable[Sample]] = iter,
+    copies: int = 0,
+    seed: int = 0,
 ) -> LoadedSamples:
-    """Read, prepare and build the topology of every sample.
+    """Read, prepare and build the topology of every sample, and of varied copies of it.
 
-    A file that cannot be used is logged with its reason and counted as refused.
+    A file that cannot be used is logged with its reason and counted as refused. The copies are
+    those of `model.variation.vary`; they depend on the seed and the file's place in the list.
     """
-    meshes: list[LabelledMesh] = []
-    refused = 0
-    for sample in progress(samples):
+    loaded: list[list[LabelledMesh]] = []
+    for index, sample in enumerate(progress(samples)):
         try:
             mesh, _ = prepare(load_mesh(sample.path), config.face_budget)
         except MeshError as error:
             log.warning("%s is left out: %s", sample.path, error)
-            refused += 1
             continue
-        meshes.append(
-            LabelledMesh(
-                mesh,
-                Surface.of(mesh).twin,
-                mesh_inputs(mesh, config),
-                config.classes.index(sample.label),
-            )
-        )
-    return LoadedSamples(meshes, refused)
+        rng = np.random.default_rng([seed, index])
+        versions = [mesh, *_copies(mesh, config.face_budget, copies, rng)]
+        label = config.classes.index(sample.label)
+        loaded.append([_labelled(version, config, label) for version in versions])
+    return LoadedSamples(loaded, len(samples) - len(loaded))
+
+
+def _copies(mesh: Mesh, face_budget: int, count: int, rng: np.random.Generator) -> Iterator[Mesh]:
+    """Varied copies of a prepared mesh, prepared again."""
+    for _ in range(count):
+        # What variation has made unusable teaches nothing; the mesh has its other copies.
+        with suppress(UnusableMesh):
+            yield prepare(vary(mesh, rng), face_budget)[0]
+
+
+def _labelled(mesh: Mesh, config: NetworkConfig, label: int) -> LabelledMesh:
+    return LabelledMesh(mesh, Surface.of(mesh).twin, mesh_inputs(mesh, config), label)

@@ -2,7 +2,7 @@
 
 import json
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -33,11 +33,16 @@ class TrainingConfig:
     """The peak of the one-cycle schedule."""
     weight_decay: float = 0.05
     label_smoothing: float = 0.1
+    copies: int = 10
+    """Varied copies of each mesh (other triangles, noise, holes); every epoch draws one, or the
+    mesh itself."""
     augmentation: Augmentation = field(default_factory=Augmentation)
 
 
 class Trainer:
     """Trains a network epoch by epoch and keeps everything needed to go on in `folder`.
+
+    versions: of every mesh, itself and its varied copies; each epoch draws one of them.
 
     Every random choice of an epoch comes from a generator seeded by (seed, epoch), so that a run
     that was killed and resumed gives the weights of one that was not.
@@ -47,20 +52,20 @@ class Trainer:
         self,
         config: NetworkConfig,
         training: TrainingConfig,
-        meshes: list[LabelledMesh],
+        versions: Sequence[Sequence[LabelledMesh]],
         folder: Path,
         device: str = "cpu",
     ) -> None:
         torch.manual_seed(training.seed)
         self.training = training
-        self.meshes = meshes
+        self.versions = versions
         self.folder = folder
         self.device = torch.device(device)
         self.network = Network(config).to(self.device)
         self.optimiser = torch.optim.AdamW(
             self.network.parameters(), training.learning_rate, weight_decay=training.weight_decay
         )
-        self.batches = max(len(meshes) // training.batch_size, 1)
+        self.batches = max(len(versions) // training.batch_size, 1)
         self.schedule = torch.optim.lr_scheduler.OneCycleLR(
             self.optimiser, training.learning_rate, total_steps=training.epochs * self.batches
         )
@@ -107,7 +112,7 @@ class Trainer:
 
     def _identity(self) -> str:
         """What must agree for a run to go on: settings, classes and data."""
-        labels = [mesh.label for mesh in self.meshes]
+        labels = [versions[0].label for versions in self.versions]
         return json.dumps(
             [self.network.config.to_json(), asdict(self.training), labels], sort_keys=True
         )
@@ -154,9 +159,9 @@ class Trainer:
     def _batches(self, epoch: int) -> Iterator[tuple[dict[str, np.ndarray], np.ndarray]]:
         """Augmented batches of one epoch. The few meshes that fill no batch sit this one out."""
         rng = np.random.default_rng([self.training.seed, epoch])
-        order = rng.permutation(len(self.meshes))
+        order = rng.permutation(len(self.versions))
         for batch in np.array_split(order[: self.batches * self.training.batch_size], self.batches):
-            chosen = [self.meshes[i] for i in batch]
+            chosen = [self.versions[i][rng.integers(len(self.versions[i]))] for i in batch]
             inputs = [
                 self.training.augmentation.apply(mesh, self.network.config.absolute_offsets, rng)
                 for mesh in chosen

@@ -34,8 +34,8 @@ class Killed(Exception):
 
 
 @pytest.fixture(scope="module")
-def shapes() -> list[LabelledMesh]:
-    """Balls, boxes and rings, each squeezed and dented a little."""
+def shapes() -> list[list[LabelledMesh]]:
+    """Balls, boxes and rings, each squeezed and dented a little; no copies of any."""
     rng = np.random.default_rng(0)
     meshes = []
     for _ in range(6):
@@ -44,7 +44,7 @@ def shapes() -> list[LabelledMesh]:
             dented = squeezed + rng.normal(0, 0.02, squeezed.shape)
             mesh, _ = prepare(shape.moved(dented), CONFIG.face_budget)
             twin = Surface.of(mesh).twin
-            meshes.append(LabelledMesh(mesh, twin, mesh_inputs(mesh, CONFIG), label))
+            meshes.append([LabelledMesh(mesh, twin, mesh_inputs(mesh, CONFIG), label)])
     return meshes
 
 
@@ -197,8 +197,9 @@ def test_three_shapes_are_learnt(shapes, tmp_path):
 
 
 def test_prediction_does_not_depend_on_the_batch(shapes, uninterrupted):
-    alone = predict(uninterrupted.network, shapes, 1)
-    assert predict(uninterrupted.network, shapes, 5) == pytest.approx(alone, abs=1e-5)
+    meshes = [mesh for (mesh,) in shapes]
+    alone = predict(uninterrupted.network, meshes, 1)
+    assert predict(uninterrupted.network, meshes, 5) == pytest.approx(alone, abs=1e-5)
     assert alone.shape == (18, 3)
 
 
@@ -207,3 +208,19 @@ def test_refused_files_count_as_wrong(shapes, uninterrupted):
     with_refused = accuracy(uninterrupted.network, LoadedSamples(shapes, 9))
     assert with_refused == pytest.approx(right / 27)
     assert accuracy(uninterrupted.network, LoadedSamples([], 9)) == 0
+
+
+def test_an_epoch_draws_one_version_of_every_mesh(shapes, tmp_path, monkeypatch):
+    """A mesh and its copy, told apart by their face counts."""
+    copy = prepare(cube(), 500)[0]
+    other = LabelledMesh(copy, Surface.of(copy).twin, mesh_inputs(copy, CONFIG), 0)
+    drawn = []
+    monkeypatch.setattr(
+        "model.training.collate",
+        lambda batch: drawn.extend(len(inputs.terms) for inputs in batch) or collate(batch),
+    )
+    versions = [[mesh, other] for (mesh,) in shapes]
+    Trainer(CONFIG, replace(TRAINING, epochs=3), versions, tmp_path).run(ignore)
+    copies = sum(count >= 499 for count in drawn)
+    assert len(shapes) * 3 - 3 * TRAINING.batch_size < len(drawn) <= len(shapes) * 3
+    assert 0.2 < copies / len(drawn) < 0.8
