@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from model.errors import MeshError
 from model.inputs import collate, mesh_inputs
 from model.loading import load_mesh
+from model.mesh import Mesh
 from model.preparation import MeshReport, prepare
 from model.samples import sample_paths
 from service.models import DEFAULT_MODEL, Model, open_model
@@ -79,10 +80,17 @@ class Classifier:
         Raises MeshError for what cannot be read or is no mesh, OSError for a path that cannot
         be opened.
         """
-        config = self.model.card.config
         timings: dict[str, float] = {}
         with _timed(timings, "read"):
-            loaded = load_mesh(source, name)
+            mesh = load_mesh(source, name)
+        return self._classify(mesh, timings)
+
+    def classify_mesh(self, mesh: Mesh) -> Classification:
+        """Classify a mesh that is in memory already. Raises UnusableMesh."""
+        return self._classify(mesh, {})
+
+    def _classify(self, loaded: Mesh, timings: dict[str, float]) -> Classification:
+        config = self.model.card.config
         with _timed(timings, "prepare"):
             mesh, report = prepare(loaded, config.face_budget)
         with _timed(timings, "topology"):

@@ -9,6 +9,7 @@ import pytest
 
 from export.metadata import Probe
 from model.errors import MeshError
+from model.loading import load_mesh
 from model.samples import sample_paths
 from service.classifier import Classifier, SelfTestError, softmax
 from service.models import Model
@@ -48,6 +49,13 @@ def test_an_answer_is_consistent(classifier: Classifier) -> None:
     assert list(result.probabilities[result.ranking]) == sorted(result.probabilities)[::-1]
     assert result.label == result.classes[int(result.scores.argmax())]
     assert list(result.timings_ms) == ["read", "prepare", "topology", "infer"]
+
+
+def test_a_mesh_in_memory_scores_like_its_file(classifier: Classifier) -> None:
+    path = sample_paths()["ants"]
+    of_mesh = classifier.classify_mesh(load_mesh(path))
+    assert of_mesh.scores.tolist() == classifier.classify(path).scores.tolist()
+    assert list(of_mesh.timings_ms) == ["prepare", "topology", "infer"]
 
 
 def test_softmax_bears_any_logits() -> None:

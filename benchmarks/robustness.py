@@ -1,0 +1,78 @@
+"""Accuracy on meshes made unlike the training data: `python -m benchmarks.robustness DATA`.
+
+Takes the test meshes of a data set, changes each in one way, sends it through the shipped model's
+whole pipeline, and prints the accuracy for every kind of change. The training copies of
+`model.variation` are of similar kinds, but of training meshes alone. Keeps the table as JSON in
+benchmarks/results/.
+"""
+
+import argparse
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from model import variation
+from model.augmentation import random_rotation
+from model.datasets import find_samples
+from model.errors import UnusableMesh
+from model.loading import load_mesh
+from model.mesh import Mesh
+from model.preparation import prepare
+from service.classifier import Classifier
+
+RESULTS = Path(__file__).parent / "results"
+
+CHANGES: dict[str, Callable[[Mesh, np.random.Generator], Mesh]] = {
+    "unchanged": lambda mesh, rng: mesh,
+    "rotated at random": lambda mesh, rng: mesh.moved(mesh.vertices @ random_rotation(rng).T),
+    "winding inverted": lambda mesh, rng: variation.inverted(mesh),
+    "triangle soup": lambda mesh, rng: variation.as_soup(mesh),
+    "subdivided with jitter": variation.retriangulated,
+    "two Loop subdivisions": lambda mesh, rng: variation.smoothed(mesh, 2),
+    "250 faces": lambda mesh, rng: variation.with_faces(mesh, 250),
+    "1000 faces": lambda mesh, rng: variation.with_faces(mesh, 1000),
+    "20 000 faces": lambda mesh, rng: variation.with_faces(mesh, 20_000),
+    "noise, 0.5 % of the diagonal": lambda mesh, rng: variation.noisy(mesh, 0.005, rng),
+    "noise, 1 % of the diagonal": lambda mesh, rng: variation.noisy(mesh, 0.01, rng),
+    "5 % of the faces cut out": lambda mesh, rng: variation.cut(mesh, 0.05, rng),
+    "10 % of the faces cut out": lambda mesh, rng: variation.cut(mesh, 0.1, rng),
+    "a small ball beside it": variation.with_stray_part,
+}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("data", type=Path, help="folder laid out as CLASS/{train,test}/*.obj")
+    parser.add_argument("--split", type=Path, help="CSV with the columns class,file,split")
+    parser.add_argument("--model", default="shrec11", help="shipped model or model file")
+    arguments = parser.parse_args()
+
+    classifier = Classifier.load(arguments.model)
+    samples = [s for s in find_samples(arguments.data, arguments.split) if s.split == "test"]
+    budget = classifier.model.card.config.face_budget
+    # The changes need a sound mesh to start from; what they make of it is prepared once more.
+    labelled = [(prepare(load_mesh(s.path), budget)[0], s.label) for s in samples]
+    print(f"{arguments.model} on {len(labelled)} test meshes of {arguments.data.name}")
+    table = {}
+    for title, change in CHANGES.items():
+        rng = np.random.default_rng(0)
+        right = sum(answer(classifier, change(mesh, rng)) == label for mesh, label in labelled)
+        table[title] = right / len(labelled)
+        print(f"  {title:30} {table[title]:7.1%}", flush=True)
+    results = {"model": classifier.model.sha256, "meshes": len(labelled), "accuracy": table}
+    path = RESULTS / f"robustness_{classifier.model.card.name}.json"
+    path.write_text(json.dumps(results, indent=2) + "\n")
+
+
+def answer(classifier: Classifier, mesh: Mesh) -> str | None:
+    """The likeliest class, or None where the mesh is refused, which counts as wrong."""
+    try:
+        return classifier.classify_mesh(mesh).label
+    except UnusableMesh:
+        return None
+
+
+if __name__ == "__main__":
+    main()
