@@ -1,8 +1,9 @@
 """The fixed geometric terms under the learned descriptors (paper, equations 1 and 2)."""
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from model.kernels import kernel
 
 # Seven 3-vectors for each face: the first three are equation 1's, the last four equation 2's.
 GEODESIC_TERMS = ("corner offsets", "corner normals", "apex edge differences")
@@ -10,7 +11,7 @@ GEOMETRIC_TERMS = ("centroid", "normal", "centroid differences", "normal cross p
 TERM_COUNT = len(GEODESIC_TERMS) + len(GEOMETRIC_TERMS)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def descriptor_terms(
     vertices: NDArray[np.float64],
     faces: NDArray[np.int32],
@@ -74,7 +75,7 @@ def descriptor_terms(
     return terms
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _measure_face(
     vertices: NDArray[np.float64],
     face: NDArray[np.int32],
@@ -93,7 +94,7 @@ def _measure_face(
             normal[k] /= length
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _average_normals(
     normals: NDArray[np.float64], faces: NDArray[np.int32], vertex_count: int
 ) -> NDArray[np.float64]:

@@ -96,3 +96,16 @@ def together(*meshes: Mesh) -> Mesh:
 def soup(mesh: Mesh) -> Mesh:
     """The same triangles with three vertices each, as STL stores them."""
     return Mesh(mesh.vertices[mesh.faces].reshape(-1, 3), np.arange(mesh.faces.size).reshape(-1, 3))
+
+
+def placed_triangles(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """The triangles as F x 3 x 3 points, alike however they are numbered, but not if turned over.
+
+    Ordered by coordinates to four digits: those of the welding grid differ in the seventh.
+    """
+    corners = np.asarray(vertices)[faces]
+    ranks = [sorted(range(3), key=lambda s, face=face: tuple(face[s])) for face in corners.round(4)]
+    turned = np.stack(
+        [np.roll(face, -rank[0], 0) for face, rank in zip(corners, ranks, strict=True)]
+    )
+    return turned[np.lexsort(turned.round(4).reshape(len(turned), 9).T[::-1])]

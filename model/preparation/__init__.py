@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from model.errors import UnusableMesh
 from model.mesh import Mesh
-from model.preparation.cleaning import clean, count_components, drop_degenerate
+from model.preparation.cleaning import clean, count_components, drop_degenerate, drop_unused
 from model.preparation.report import MeshReport
 from model.preparation.resampling import decimate, subdivide
 
@@ -27,8 +27,8 @@ def prepare(mesh: Mesh, face_budget: int) -> tuple[Mesh, MeshReport]:
 
     The result is an edge- and vertex-manifold mesh, wound alike and outward where possible; its
     face count is the budget or one less, and above it only where every further collapse would
-    change the topology. Raises UnusableMesh where no surface with area is left, or where
-    simplification destroyed it.
+    change the topology, as in a mesh of very many parts. Raises UnusableMesh where no surface
+    with area is left, or where simplification destroyed it.
     """
     vertices, faces, counts = clean(mesh)
     clean_area = surface_area(vertices, faces)
@@ -46,6 +46,7 @@ def prepare(mesh: Mesh, face_budget: int) -> tuple[Mesh, MeshReport]:
         faces_in=len(mesh.faces),
         faces_used=len(faces),
         resampled=resampled,
+        within_budget=len(faces) <= face_budget,
         components_lost=counts["components"] - count_components(faces, len(vertices)),
         area_kept=round(area_kept, 4),
     )
@@ -56,8 +57,11 @@ def _resample(
     vertices: NDArray[np.float64], faces: NDArray[np.int32], budget: int
 ) -> tuple[NDArray[np.float64], NDArray[np.int32], Literal["none", "decimated", "subdivided"]]:
     if len(faces) > budget:
-        vertices, faces = decimate(vertices, faces, budget)
-        return vertices, drop_degenerate(vertices, faces)[0], "decimated"
+        fewer, fewer_faces = decimate(vertices, faces, budget)
+        if len(fewer_faces) == len(faces):
+            return vertices, faces, "none"
+        fewer, fewer_faces = drop_unused(fewer, drop_degenerate(fewer, fewer_faces)[0])
+        return *subdivide(fewer, fewer_faces, budget), "decimated"
     if len(faces) < budget - 1:
         return *subdivide(vertices, faces, budget), "subdivided"
     return vertices, faces, "none"

@@ -2,23 +2,25 @@
 
 `clean` runs the steps in their order. Each step takes and returns plain arrays, vertices V x 3
 float64 in the unit box and faces F x 3 int32, and a count of what it changed.
-
-Kernels call only kernels of their own file: numba's cache does not see a change elsewhere.
 """
 
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from model.errors import UnusableMesh
+from model.kernels import kernel
 from model.mesh import Mesh
 from model.topology.halfedges import find_twins
 
-# The welding grid divides each axis of the unit box into 2^21 steps, 5e-7 of the mesh's size:
-# coarser than the rounding of float32 coordinates, finer than any edge worth keeping. Three such
-# steps fit one 64-bit key.
+# The welding grid divides each axis of the unit box into 2^20 steps, 1e-6 of the mesh's size:
+# coarser than the rounding of float32 coordinates, finer than any edge worth keeping. Coordinates
+# are often halves, quarters, ... of a side, down to what float32 resolves: none of these may lie
+# between two grid points, where rounding would decide. The shift puts an irrational number there.
+# Three numbers of 21 bits fit one 64-bit key.
+GRID_STEPS = 1 << 20
+GRID_SHIFT = (2**0.5 - 1) / 2
 GRID_BITS = 21
 
 # A triangle is degenerate when twice its area is below this share of its longest edge squared:
@@ -36,23 +38,26 @@ def clean(mesh: Mesh) -> tuple[NDArray[np.float64], NDArray[np.int32], dict[str,
     """Weld, drop what has no area or is there twice, separate what only touches, orient.
 
     Returns (vertices, faces, counts), in the unit box; counts are the fields of `MeshReport`
-    that cleaning decides. Raises UnusableMesh where no face has an area.
+    that cleaning decides. Vertices, faces and corners come in an order that follows from where
+    they lie, not from the file: what breaks ties by order later breaks them alike however the
+    mesh is written down. Raises UnusableMesh where no face has an area.
     """
     vertices, faces, merged = weld(*_into_unit_box(mesh))
     vertices_in = len(vertices) + merged
     faces, degenerate = drop_degenerate(vertices, faces)
-    faces, duplicates = drop_duplicates(faces)
     if len(faces) == 0:
         raise UnusableMesh(
             "no-area",
             f"none of the {len(mesh.faces)} faces has an area: all are lines or points",
         )
+    faces, winding, duplicates = merge_duplicates(faces)
     touching, _, nonmanifold = find_twins(faces, len(vertices), False)
     flip, touching = wind_alike(faces, touching)
     vertices, faces, copies = split_vertices(vertices, faces, touching)
     faces = turned(faces, flip)
     twin, border, _ = find_twins(faces, len(vertices))
-    inward, components = face_inward(vertices, faces, twin, flip)
+    inward, components = face_inward(vertices, faces, twin, np.where(flip, -winding, winding))
+    against_file = np.where(flip ^ inward, -winding, winding) < 0
     counts = {
         "vertices_in": vertices_in,
         "vertices_merged": merged,
@@ -60,7 +65,7 @@ def clean(mesh: Mesh) -> tuple[NDArray[np.float64], NDArray[np.int32], dict[str,
         "duplicates_dropped": duplicates,
         "nonmanifold_edges": nonmanifold,
         "vertices_split": copies,
-        "flipped": int(np.count_nonzero(flip ^ inward)),
+        "flipped": int(np.count_nonzero(against_file)),
         "components": components,
         "border_edges": border,
         "watertight": border == 0,
@@ -78,24 +83,19 @@ def _into_unit_box(mesh: Mesh) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
 def weld(
     vertices: NDArray[np.float64], faces: NDArray[np.int32]
 ) -> tuple[NDArray[np.float64], NDArray[np.int32], int]:
-    """Merge the vertices used by faces that fall on one grid point; drop unused ones.
+    """Move vertices to the grid and merge those on one point; drop the ones no face uses.
 
-    Returns (vertices, faces, merged). The first of the merged vertices keeps its coordinates.
+    Returns (vertices, faces, merged), the vertices sorted by their coordinates. On the grid, the
+    rounding of another unit or origin is gone.
     """
-    named = np.zeros(len(vertices), bool)
-    named[faces] = True
-    used = np.flatnonzero(named)
-    corners = (np.cumsum(named) - 1)[faces]
-    steps = np.rint(vertices[used] * ((1 << GRID_BITS) - 1)).astype(np.int64)
+    vertices, corners = drop_unused(vertices, faces)
+    steps = np.rint(vertices * GRID_STEPS + GRID_SHIFT).astype(np.int64)
     keys = (steps[:, 0] << (2 * GRID_BITS)) | (steps[:, 1] << GRID_BITS) | steps[:, 2]
-    _, first, merged_into = np.unique(keys, return_index=True, return_inverse=True)
-    # Number the merged vertices in their order in the file, not in that of the keys: a mesh
-    # that needs no welding keeps its numbering, and with it the order in which ties break.
-    order = np.argsort(first)
-    rank = np.empty_like(order)
-    rank[order] = np.arange(len(order))
-    welded = rank[merged_into][corners].astype(np.int32)
-    return vertices[used[first[order]]], welded, len(used) - len(first)
+    points, merged_into = np.unique(keys, return_inverse=True)
+    places = np.stack([points >> (2 * GRID_BITS), points >> GRID_BITS, points], axis=1)
+    welded = merged_into[corners].astype(np.int32)
+    places &= (1 << GRID_BITS) - 1
+    return places / GRID_STEPS, welded, len(keys) - len(points)
 
 
 def drop_degenerate(
@@ -109,14 +109,31 @@ def drop_degenerate(
     return sound, len(faces) - len(sound)
 
 
-def drop_duplicates(faces: NDArray[np.int32]) -> tuple[NDArray[np.int32], int]:
-    """Keep the first of the faces over the same three vertices. Returns (faces, dropped)."""
-    a, b, c = np.sort(faces, axis=1).T
-    order = np.lexsort((c, b, a))
-    same = np.zeros(len(faces), bool)
-    one, next_one = order[:-1], order[1:]
-    same[next_one] = (a[one] == a[next_one]) & (b[one] == b[next_one]) & (c[one] == c[next_one])
-    return faces[~same], int(same.sum())
+def drop_unused(
+    vertices: NDArray[np.float64], faces: NDArray[np.int32]
+) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """Drop the vertices that no face uses, keeping the order of the others."""
+    named = np.zeros(len(vertices), bool)
+    named[faces] = True
+    return vertices[named], (np.cumsum(named) - 1)[faces].astype(np.int32)
+
+
+def merge_duplicates(
+    faces: NDArray[np.int32],
+) -> tuple[NDArray[np.int32], NDArray[np.int8], int]:
+    """One face for those over the same three vertices.
+
+    Returns (faces, winding, dropped): faces with ascending corners, in ascending order; winding,
+    F int8, whether the file wound them so (1), the other way (-1), or as often both (0).
+    """
+    ascending = np.sort(faces, axis=1)
+    order = np.lexsort(ascending.T[::-1])
+    ascending = ascending[order]
+    first = np.append(True, (ascending[1:] != ascending[:-1]).any(axis=1))
+    # A triangle is wound as its sorted corners if it runs upwards over two of its three sides.
+    upwards = (faces < np.roll(faces, -1, axis=1)).sum(axis=1) == 2
+    votes = np.add.reduceat(np.where(upwards[order], 1, -1), np.flatnonzero(first))
+    return ascending[first], np.sign(votes).astype(np.int8), len(faces) - int(first.sum())
 
 
 def split_vertices(
@@ -135,7 +152,7 @@ def split_vertices(
     return vertices[origin], split_faces, len(roots) - len(np.unique(origin))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _glue_corners(faces: NDArray[np.int32], twin: NDArray[np.int32]) -> NDArray[np.int32]:
     """Root corner of every corner (H int32), joining corners at one vertex across twins."""
     parent = np.arange(len(twin)).astype(np.int32)
@@ -155,7 +172,7 @@ def _glue_corners(faces: NDArray[np.int32], twin: NDArray[np.int32]) -> NDArray[
     return parent
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _root(parent: NDArray[np.int32], node: int) -> int:
     while parent[node] != node:
         parent[node] = parent[parent[node]]
@@ -181,7 +198,7 @@ def wind_alike(
     return flip, cut
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _spread_orientation(
     faces: NDArray[np.int32], twin: NDArray[np.int32]
 ) -> tuple[NDArray[np.int32], NDArray[np.bool_], int]:
@@ -216,12 +233,13 @@ def face_inward(
     vertices: NDArray[np.float64],
     faces: NDArray[np.int32],
     twin: NDArray[np.int32],
-    flipped: NDArray[np.bool_],
+    winding: NDArray[np.int8],
 ) -> tuple[NDArray[np.bool_], int]:
     """Which faces of consistently wound components look inward: (F bool, components).
 
-    flipped: F bool, the faces already turned. A component that is too flat to have an outside
-    is turned back if most of its faces had been turned.
+    winding: F int8, 1 where a face is wound as in the file, -1 where it is not. A component that
+    is too flat to have an outside faces away from the centre of the whole mesh; if that lies in
+    it, as for a single sheet, it keeps the winding of most of its faces.
     """
     component, _, count = _spread_orientation(faces, twin)
 
@@ -237,8 +255,13 @@ def face_inward(
     volumes = total(np.sum((centroids - centres[component]) * area_normals, axis=1)) / 3
     borders = total((twin.reshape(-1, 3) < 0).sum(axis=1))
     least = np.where(borders > 0, OPEN_VOLUME, CLOSED_VOLUME) * areas**1.5
-    mostly_flipped = total(flipped) > total(~flipped)
-    turn = np.where(np.abs(volumes) > least, volumes < 0, mostly_flipped)
+    middle = np.average(centroids, axis=0, weights=face_areas)
+    outwards = total(np.sum((centroids - middle) * area_normals, axis=1)) / 3
+    turn = np.select(
+        [np.abs(volumes) > least, np.abs(outwards) > OPEN_VOLUME * areas**1.5],
+        [volumes < 0, outwards < 0],
+        total(winding) < 0,
+    )
     return turn[component], count
 
 

@@ -8,15 +8,15 @@ from typing import Literal
 class MeshReport:
     """Counts of one preparation.
 
-    faces_in, vertices_in: as loaded. faces_used: what the network saw.
-    vertices_merged: corners that coincided. degenerate_dropped: faces without area.
-    duplicates_dropped: faces over the same three corners as another.
+    faces_in: as loaded; vertices_in: those that faces use. faces_used: what the network saw.
+    vertices_merged: vertices that coincided with another. degenerate_dropped: faces without area.
+    duplicates_dropped: faces over the same three vertices as another.
     nonmanifold_edges: edges with more than two faces. vertices_split: copies made where surfaces
     only touched, in an edge or a corner. flipped: faces whose winding was turned.
     components, border_edges, watertight: of the cleaned surface, before its face count changed.
-    resampled: how the face count was brought to the model's budget.
-    components_lost: small parts that simplification swallowed.
-    area_kept: surface after resampling over surface before it.
+    resampled: how the face count was brought to the model's budget; within_budget: whether it
+    was, which very many parts can prevent. components_lost: small parts that simplification
+    swallowed. area_kept: surface after resampling over surface before it.
     """
 
     faces_in: int
@@ -32,5 +32,6 @@ class MeshReport:
     border_edges: int
     watertight: bool
     resampled: Literal["none", "decimated", "subdivided"]
+    within_budget: bool
     components_lost: int
     area_kept: float

@@ -3,9 +3,9 @@
 import heapq
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from model.kernels import kernel
 from model.topology.halfedges import find_twins
 
 
@@ -30,10 +30,11 @@ def subdivide(
 ) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
     """Split longest edges at their middle, from below, to `budget` faces or one less.
 
-    The surface stays where it is. An inner edge splits two faces, a border edge one.
+    A mesh that has as many, or more, stays as it is. The surface stays where it is: an inner edge
+    splits two faces, a border edge one.
     """
     twin, _, _ = find_twins(faces, len(vertices))
-    room = budget - len(faces)
+    room = max(budget - len(faces), 0)
     split_vertices = np.concatenate([vertices, np.empty((room, 3))])
     split_faces = np.concatenate([faces, np.empty((room, 3), np.int32)])
     split_twin = np.concatenate([twin, np.full(3 * room, -1, np.int32)])
@@ -43,7 +44,7 @@ def subdivide(
     return split_vertices[:vertex_count], split_faces[:face_count]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _bisect(
     vertices: NDArray[np.float64],
     faces: NDArray[np.int32],
@@ -77,7 +78,7 @@ def _bisect(
     return vertex_count, face_count
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _split_face(
     vertices: NDArray[np.float64],
     faces: NDArray[np.int32],
@@ -107,14 +108,14 @@ def _split_face(
     return 3 * new
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _pair(twin: NDArray[np.int32], h: int, other: int) -> None:
     twin[h] = other
     if other >= 0:
         twin[other] = h
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _length(vertices: NDArray[np.float64], faces: NDArray[np.int32], h: int) -> float:
     """Squared length of a half-edge, to seven digits.
 

@@ -3,16 +3,15 @@
 Half-edge h = 3 f + s is side s of face f and runs from its corner s to corner (s + 1) mod 3.
 `twin[h]` is the half-edge on the other side, -1 on a border. Face, side and neighbour follow
 from that one array: h // 3, h % 3, twin[h] // 3.
-
-Kernels call only kernels of their own file: numba's cache does not see a change elsewhere.
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from model.kernels import kernel
 
-@njit(cache=True, nogil=True)
+
+@kernel
 def find_twins(
     faces: NDArray[np.int32], vertex_count: int, pair_nonmanifold: bool = True
 ) -> tuple[NDArray[np.int32], int, int]:
@@ -52,7 +51,7 @@ def find_twins(
     return twin, border, nonmanifold
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _sorted_edges(
     faces: NDArray[np.int32], vertex_count: int
 ) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]:
@@ -76,7 +75,7 @@ def _sorted_edges(
     return _counting_sort(by_high, low, vertex_count), low, high
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _counting_sort(
     ids: NDArray[np.int32], keys: NDArray[np.int32], key_count: int
 ) -> NDArray[np.int32]:
@@ -92,7 +91,7 @@ def _counting_sort(
     return result
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _pair_opposite(
     faces: NDArray[np.int32], run: NDArray[np.int32], twin: NDArray[np.int32]
 ) -> None:
@@ -111,12 +110,12 @@ def _pair_opposite(
         backward += 1
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _ascends(faces: NDArray[np.int32], h: int) -> bool:
     return faces[h // 3, h % 3] < faces[h // 3, (h % 3 + 1) % 3]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def edge_lengths(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> NDArray[np.float64]:
     """Length of every half-edge, H float64, in the units of `vertices`."""
     lengths = np.empty(3 * len(faces))
@@ -130,7 +129,7 @@ def edge_lengths(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> NDA
     return lengths
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def sort_adjacency(twin: NDArray[np.int32], lengths: NDArray[np.float64]) -> NDArray[np.int32]:
     """Neighbours of every face, by shared edge, shortest first (paper, section III).
 

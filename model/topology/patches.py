@@ -1,11 +1,12 @@
 """K-face patches: the neighbourhood that one convolution sees (paper, section III.B)."""
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from model.kernels import kernel
 
-@njit(cache=True, nogil=True)
+
+@kernel
 def grow_patches(adjacency: NDArray[np.int32], patch_size: int) -> NDArray[np.int32]:
     """Walk the sorted adjacency breadth first from every face until K faces are found.
 

@@ -15,14 +15,15 @@ Passes repeat until the target is met or a pass removes nothing.
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from model.kernels import kernel
 
 # A collapse without flaps removes four faces: from one above the target it lands three below.
 SLACK = 3
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def pool_faces(
     twin: NDArray[np.int32], features: NDArray, target: int
 ) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]:
@@ -52,7 +53,7 @@ def pool_faces(
     return _compact(twin, alive, living, offsets, members)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _average(
     features: NDArray, offsets: NDArray[np.int64], members: NDArray[np.int32]
 ) -> NDArray[np.float64]:
@@ -65,7 +66,7 @@ def _average(
     return means
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _weigh(
     twin: NDArray[np.int32], features: NDArray[np.float64], alive: NDArray[np.bool_]
 ) -> NDArray[np.float64]:
@@ -91,7 +92,7 @@ def _weigh(
     return weights
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _collapse_pass(
     twin: NDArray[np.int32],
     alive: NDArray[np.bool_],
@@ -140,7 +141,7 @@ def _collapse_pass(
     return touched, total
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _free_region(
     f: int, twin: NDArray[np.int32], taken: NDArray[np.bool_], removed: NDArray[np.int32]
 ) -> int:
@@ -166,7 +167,7 @@ def _free_region(
     return count if survivors else 0
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _contains(values: NDArray[np.int32], value: int) -> bool:
     for v in values:  # noqa: SIM110 (numba compiles no any())
         if v == value:
@@ -174,7 +175,7 @@ def _contains(values: NDArray[np.int32], value: int) -> bool:
     return False
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _bridge(
     twin: NDArray[np.int32],
     removed: NDArray[np.int32],
@@ -200,7 +201,7 @@ def _bridge(
     return count
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _other_outer_side(twin: NDArray[np.int32], h: int, centre: int) -> int:
     """The side of h's face that is neither h nor the one towards the collapsed centre."""
     first = 3 * (h // 3)
@@ -210,7 +211,7 @@ def _other_outer_side(twin: NDArray[np.int32], h: int, centre: int) -> int:
     return -1
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _remove_flaps(
     twin: NDArray[np.int32],
     alive: NDArray[np.bool_],
@@ -254,7 +255,7 @@ def _remove_flaps(
     return changed_count, killed_count, False
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _flap_partner(twin: NDArray[np.int32], g: int) -> tuple[int, int]:
     """(face that shares two sides with g, g's third half-edge).
 
@@ -272,7 +273,7 @@ def _flap_partner(twin: NDArray[np.int32], g: int) -> tuple[int, int]:
     return -1, -1
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _gather_members(
     alive: NDArray[np.bool_],
     touched: NDArray[np.int32],
@@ -309,7 +310,7 @@ def _gather_members(
     return new_offsets, new_members[:count]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _compact(
     twin: NDArray[np.int32],
     alive: NDArray[np.bool_],
@@ -341,7 +342,7 @@ def _compact(
     return kept, pooled_twin, index
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def gather_mean(features: NDArray, index: NDArray[np.int32]) -> NDArray:
     """Mean of the rows (F x C) that each row of a null-padded index (F' x W) names: F' x C."""
     means = np.zeros((len(index), features.shape[1]), features.dtype)

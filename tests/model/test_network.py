@@ -12,6 +12,7 @@ from model.loading import load_mesh
 from model.mesh import Mesh
 from model.network import Network, as_tensors
 from model.preparation import prepare
+from model.variation import subdivided
 from tests.meshes import cube, moebius, sheet, together, torus
 from tests.networks import untrained
 
@@ -73,6 +74,25 @@ def test_how_a_mesh_is_written_down_does_not_change_its_scores(config, mesh, cha
     network = untrained(config)
     other = change(mesh, np.random.default_rng(seed))
     assert score(network, other) == close(score(network, mesh))
+
+
+def crate() -> Mesh:
+    """As modelled by hand: flat, symmetric and full of ties, with parts that touch, faces that are
+    there twice in both windings, and an open lid."""
+    box = subdivided(subdivided(subdivided(cube())))
+    lid = sheet(10, 10)
+    beside = box.moved(box.vertices * [0.5, 0.25, 0.5] + [1, 0, 0])
+    whole = together(box, beside, lid.moved(lid.vertices * 0.1 + [0, 0, 2]))
+    again = [whole.faces[:40], whole.faces[20:60, ::-1]]
+    return Mesh(whole.vertices, np.concatenate([whole.faces, *again]))
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("change", CHANGES)
+def test_nor_does_it_for_a_mesh_as_modelled_by_hand(config, change, seed):
+    network = untrained(config)
+    other = change(crate(), np.random.default_rng(seed))
+    assert score(network, other) == close(score(network, crate()))
 
 
 @pytest.mark.parametrize("change", [renumbered, shuffled, corners_rotated, moved_and_scaled])

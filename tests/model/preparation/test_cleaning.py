@@ -9,8 +9,17 @@ from hypothesis import strategies as st
 
 from model.errors import UnusableMesh
 from model.mesh import Mesh
-from model.preparation.cleaning import clean, count_components
-from tests.meshes import cube, icosphere, moebius, sheet, soup, together, torus
+from model.preparation.cleaning import GRID_SHIFT, GRID_STEPS, clean, count_components
+from tests.meshes import (
+    cube,
+    icosphere,
+    moebius,
+    placed_triangles,
+    sheet,
+    soup,
+    together,
+    torus,
+)
 from tests.surfaces import triangles
 
 
@@ -36,8 +45,9 @@ def check_oriented_manifold(faces: np.ndarray) -> None:
 
 
 def positions(vertices: np.ndarray, faces: np.ndarray) -> list:
-    """The triangles as points, whatever their order, winding and numbers."""
-    return sorted(sorted(map(tuple, vertices[face].tolist())) for face in faces)
+    """The triangles as points of the welding grid, whatever their order, winding and numbers."""
+    steps = np.rint(vertices * GRID_STEPS + GRID_SHIFT).astype(int)
+    return sorted(sorted(map(tuple, steps[face].tolist())) for face in faces)
 
 
 def signed_volume(vertices: np.ndarray, faces: np.ndarray) -> float:
@@ -63,7 +73,8 @@ def test_any_triangles_become_an_oriented_manifold_and_stay_where_they_are(surfa
 def test_a_clean_mesh_is_left_alone(mesh):
     vertices, faces, counts = clean(mesh)
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
-    assert vertices[faces] == pytest.approx((mesh.vertices[mesh.faces] - low) / (high - low).max())
+    expected = placed_triangles((mesh.vertices - low) / (high - low).max(), mesh.faces)
+    assert placed_triangles(vertices, faces) == pytest.approx(expected, abs=1e-6)
     assert len(vertices) == len(mesh.vertices)
     zero = ("vertices_merged", "degenerate_dropped", "duplicates_dropped", "nonmanifold_edges")
     assert [counts[name] for name in (*zero, "vertices_split", "flipped")] == [0] * 6
@@ -94,7 +105,7 @@ def test_unused_vertices_do_not_count():
     extra = Mesh(np.concatenate([[[9, 9, 9]], mesh.vertices, [[7, 7, 7]]]), mesh.faces + 1)
     vertices, faces, counts = clean(extra)
     assert (len(vertices), counts["vertices_in"], counts["vertices_merged"]) == (8, 8, 0)
-    assert (vertices[faces] == mesh.vertices[mesh.faces]).all()
+    assert positions(vertices, faces) == positions(mesh.vertices, mesh.faces)
 
 
 def test_degenerate_and_duplicate_faces_are_dropped_and_counted():
