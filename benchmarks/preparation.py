@@ -13,7 +13,7 @@ from pathlib import Path
 from model.config import NetworkConfig
 from model.errors import MeshError
 from model.inputs import mesh_inputs
-from model.loading import FORMATS, load_mesh
+from model.loading import find_meshes, load_mesh
 from model.mesh import Mesh
 from model.preparation import MeshReport, prepare
 from model.topology.halfedges import find_twins
@@ -24,7 +24,9 @@ def main() -> None:
     parser.add_argument("folder", type=Path)
     folder = parser.parse_args().folder
     config = NetworkConfig(classes=("any",))
-    files = [p for p in sorted(folder.rglob("*")) if p.suffix.lower().lstrip(".") in FORMATS]
+    files = find_meshes(folder)
+    if not files:
+        parser.error(f"no mesh files under {folder}")
     refused: Counter[str] = Counter()
     reports: list[MeshReport] = []
     levels: list[Counter[int]] = [Counter() for _ in config.targets]

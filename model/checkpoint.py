@@ -53,7 +53,12 @@ def load_checkpoint(path: Path) -> Checkpoint:
         training = json.loads(metadata["training"])
     except CheckpointError:
         raise
-    except (KeyError, ValueError, RuntimeError) as error:
+    except KeyError as error:
+        raise CheckpointError(
+            f"{path} is not a meshconv3d checkpoint (its metadata has no {error}); training writes "
+            "one as model.safetensors, beside what it resumes from"
+        ) from None
+    except (ValueError, RuntimeError) as error:
         raise CheckpointError(f"{path} is not a meshconv3d checkpoint: {error}") from None
     return Checkpoint(network.eval(), training)
 

@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from model.network import Network
     from model.training import Trainer, TrainingConfig
 
-SPLITS = ("train", "val", "test")
 CHECKPOINT_FILE = "model.safetensors"
 CURVES_FILE = "curves.png"
 EXISTING_FOLDER = click.Path(exists=True, file_okay=False, path_type=Path)
@@ -52,7 +51,7 @@ EXISTING_FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
     show_default=True,
     help="Varied copies of each training mesh: other triangles, noise, holes.",
 )
-@click.option("--seed", type=int, default=0, show_default=True)
+@click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True)
 @click.option("--device", default="cpu", show_default=True, help="cpu, cuda, cuda:1, ...")
 @click.option("--threads", type=click.IntRange(1), help="CPU threads. [default: all]")
 def train(
@@ -78,7 +77,7 @@ def train(
     from model.checkpoint import save_checkpoint
     from model.config import preset
     from model.curves import draw_curves
-    from model.datasets import DatasetError, class_names, find_samples
+    from model.datasets import SPLITS, DatasetError, class_names, find_samples
     from model.training import Trainer, TrainingConfig
 
     if threads:
@@ -98,10 +97,11 @@ def train(
     try:
         trainer = Trainer(config, training, versions, out, device)
         done = trainer.resume()
-    except (ValueError, RuntimeError) as error:
+    except (ValueError, RuntimeError, AssertionError) as error:  # torch asserts that it has CUDA
         raise click.UsageError(str(error)) from None
     if done:
-        click.echo(f"going on after epoch {done}", err=True)
+        what = "already finished" if done == epochs else f"going on after epoch {done}"
+        click.echo(what, err=True)
     checkpoint = _run(trainer, epochs, done, _validator(parts["val"]))
     checkpoint.training["data"] = {
         "name": data.resolve().name,

@@ -2,6 +2,7 @@
 
 import csv
 import logging
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 from model.config import NetworkConfig
 from model.errors import MeshError, UnusableMesh
 from model.inputs import MeshInputs, mesh_inputs
-from model.loading import FORMATS, load_mesh
+from model.loading import find_meshes, load_mesh
 from model.mesh import Mesh
 from model.preparation import prepare
 from model.topology import Surface
@@ -48,38 +49,56 @@ def find_samples(root: Path, split_file: Path | None = None) -> list[Sample]:
     if not root.is_dir():
         raise DatasetError(f"{root} is not a folder")
     samples = _from_table(root, split_file) if split_file else _from_folders(root)
-    if not any(sample.split == "train" for sample in samples):
+    labels = set(class_names(samples))
+    trained = {sample.label for sample in samples if sample.split == "train"}
+    if len(trained) < 2:
         raise DatasetError(
-            f"no training meshes under {root}: expected {root}/CLASS/train/*.obj (or another mesh "
-            "format), or a split file with the columns class,file,split"
+            f"{len(trained)} classes with training meshes under {root}, at least 2 are needed: "
+            f"expected {root}/CLASS/train/*.obj (or another mesh format), or a split file with "
+            "the columns class,file,split"
         )
+    if untrained := sorted(labels - trained):
+        raise DatasetError(f"classes without training meshes: {', '.join(untrained)}")
     return sorted(samples, key=lambda sample: str(sample.path))
 
 
 def _from_folders(root: Path) -> list[Sample]:
     return [
         Sample(path, path.parts[-3], path.parts[-2])
-        for path in root.glob("*/*/*")
-        if path.parts[-2] in SPLITS and path.suffix.lower().lstrip(".") in FORMATS
+        for path in find_meshes(root)
+        if path.parts[-2] in SPLITS and path.parents[2] == root
     ]
 
 
 def _from_table(root: Path, split_file: Path) -> list[Sample]:
     samples = []
-    with split_file.open(newline="", encoding="utf-8") as lines:
-        table = csv.DictReader(lines)
-        if not {"class", "file", "split"} <= set(table.fieldnames or ()):
-            raise DatasetError(f"{split_file} lacks the columns class,file,split")
-        for row in table:
-            label, name, split = row["class"], row["file"], row["split"]
-            if split not in SPLITS:
-                raise DatasetError(f"{split_file}: {name} has split {split!r}, not {SPLITS}")
-            candidates = [root / label / name, *(root / label / s / name for s in SPLITS)]
-            path = next((path for path in candidates if path.is_file()), None)
-            if path is None:
-                raise DatasetError(f"{split_file} names {label}/{name}, which is not under {root}")
-            samples.append(Sample(path, label, split))
+    try:
+        # utf-8-sig: spreadsheets write a byte-order mark.
+        with split_file.open(newline="", encoding="utf-8-sig") as lines:
+            table = csv.DictReader(lines)
+            if not {"class", "file", "split"} <= set(table.fieldnames or ()):
+                raise DatasetError(f"{split_file} lacks the columns class,file,split")
+            samples = [_from_row(root, split_file, row) for row in table]
+    except UnicodeDecodeError as error:
+        raise DatasetError(f"{split_file} is not UTF-8 text: {error.reason}") from None
+    paths = Counter(sample.path for sample in samples)
+    twice = [str(path) for path, count in paths.items() if count > 1]
+    if twice:
+        raise DatasetError(f"{split_file} names files more than once: {', '.join(twice[:5])}")
     return samples
+
+
+def _from_row(root: Path, split_file: Path, row: dict[str, str | None]) -> Sample:
+    label, name, split = row["class"], row["file"], row["split"]
+    if not label or not name or split not in SPLITS:
+        raise DatasetError(
+            f"{split_file}: expected a class, a file and one of {', '.join(SPLITS)}, got {row}"
+        )
+    candidates = [root / label / name, *(root / label / s / name for s in SPLITS)]
+    path = next((path for path in candidates if path.is_file()), None)
+    if path is None or not path.resolve().is_relative_to(root.resolve()):
+        raise DatasetError(f"{split_file} names {label}/{name}, which is not under {root}")
+    return Sample(path, label, split)
 
 
 def class_names(samples: Iterable[Sample]) -> tuple[str, ...]:

@@ -8,7 +8,6 @@ from model.kernels import kernel
 # Seven 3-vectors for each face: the first three are equation 1's, the last four equation 2's.
 GEODESIC_TERMS = ("corner offsets", "corner normals", "apex edge differences")
 GEOMETRIC_TERMS = ("centroid", "normal", "centroid differences", "normal cross products")
-TERM_COUNT = len(GEODESIC_TERMS) + len(GEOMETRIC_TERMS)
 
 
 @kernel

@@ -1,9 +1,12 @@
 """Training: AdamW under a one-cycle schedule, deterministic, resumable after a kill."""
 
+import hashlib
 import json
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field
+from functools import cached_property
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -95,7 +98,7 @@ class Trainer:
         if not path.exists():
             return 0
         tensors, metadata = load_tensors(path)
-        if metadata.get("identity") != self._identity():
+        if metadata.get("identity") != self._identity:
             raise ValueError(
                 f"{path} belongs to a run with other settings or data; "
                 "choose another --out folder, or delete that one to start again"
@@ -110,11 +113,16 @@ class Trainer:
         self.history = json.loads(metadata["history"])
         return len(self.history)
 
+    @cached_property
     def _identity(self) -> str:
         """What must agree for a run to go on: settings, classes and data."""
-        labels = [versions[0].label for versions in self.versions]
+        data = hashlib.sha256()
+        for version in chain.from_iterable(self.versions):
+            data.update(version.mesh.vertices.tobytes() + version.mesh.faces.tobytes())
+            data.update(version.label.to_bytes(4, "little"))
         return json.dumps(
-            [self.network.config.to_json(), asdict(self.training), labels], sort_keys=True
+            [self.network.config.to_json(), asdict(self.training), data.hexdigest()],
+            sort_keys=True,
         )
 
     def _save(self) -> None:
@@ -123,7 +131,7 @@ class Trainer:
         for parameter, values in state["state"].items():
             tensors |= {f"optimiser.{parameter}.{k}": v for k, v in values.items()}
         metadata = {
-            "identity": self._identity(),
+            "identity": self._identity,
             "optimiser": json.dumps({"state": {}, "param_groups": state["param_groups"]}),
             "schedule": json.dumps(self.schedule.state_dict()),
             "history": json.dumps(self.history),

@@ -68,9 +68,9 @@ class Classifier:
         self.model = model
 
     @classmethod
-    def load(cls, name_or_path: str = DEFAULT_MODEL, threads: int = 1) -> "Classifier":
+    def load(cls, name_or_path: str = DEFAULT_MODEL) -> "Classifier":
         """A shipped model by name or a model file by path; see `open_model` for the errors."""
-        return cls(open_model(name_or_path, threads))
+        return cls(open_model(name_or_path))
 
     def classify(
         self, source: str | os.PathLike[str] | bytes, name: str | None = None
@@ -129,9 +129,8 @@ class Classifier:
         difference = np.abs(scores - expected).max() / np.abs(expected).max()
         if not difference <= SELF_TEST_TOLERANCE:
             raise SelfTestError(
-                f"model {card.name} scores the sample {path.stem} differently "
-                f"here than when it was exported (by {difference:.1%}): "
-                "its file does not fit this version of meshconv3d"
+                f"model {card.name} scores the sample {path.stem} differently here than when it "
+                "was exported: its file is damaged, or made for another version of meshconv3d"
             )
 
 

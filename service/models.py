@@ -41,16 +41,19 @@ def model_path(name_or_path: str) -> Path:
     return path
 
 
-def open_model(name_or_path: str, threads: int = 1) -> Model:
+def open_model(name_or_path: str) -> Model:
     """Open a model and check that it can run here.
 
-    threads: onnxruntime's threads within one mesh. Raises ModelFileError for a file that is
-    missing, damaged, not one of this project, or made by a newer version.
+    It runs each mesh on one thread: they are too small to share. Raises ModelFileError for a file
+    that is missing, damaged, not one of this project, or made by a newer version.
     """
     path = model_path(name_or_path)
-    content = path.read_bytes()
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise ModelFileError(f"{path} cannot be read: {error.strerror}") from None
     options = ort.SessionOptions()
-    options.intra_op_num_threads = threads
+    options.intra_op_num_threads = 1
     options.log_severity_level = 3  # errors reach the caller as exceptions; no warnings on stderr
     try:
         # Without fallback: it would print to stdout and then fail in the same way.

@@ -67,7 +67,7 @@ def assert_same(printed: list[str], expected: list[str]) -> None:
     ours, theirs = " ".join(printed), " ".join(expected)
     assert NUMBER.sub("#", ours).split() == NUMBER.sub("#", theirs).split()
     values = [[float(number) for number in NUMBER.findall(text)] for text in (ours, theirs)]
-    assert values[0] == pytest.approx(values[1], rel=0.05, abs=0.5)
+    assert values[0] == pytest.approx(values[1], rel=0.02, abs=0.002)
 
 
 @pytest.mark.parametrize("block", CONSOLE, ids=lambda block: block.split("\n")[0][2:50])

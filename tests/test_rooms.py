@@ -105,7 +105,7 @@ def test_a_missing_extra_is_named_in_one_line(tmp_path: Path, arguments: list[st
     assert done.returncode == 1
     assert done.stdout == ""
     (line,) = done.stderr.splitlines()
-    assert "meshconv3d[train]" in line
+    assert "pip install '.[train]'" in line
 
 
 @pytest.mark.parametrize("command", ["train", "export", "verify"])

@@ -9,7 +9,8 @@ trimesh would read such a file rightly, one has to read it first. Formats that h
 gltf, 3mf) are checked, cut down to their triangles, and read by trimesh (`scene`).
 """
 
+from model.loading.folders import find_meshes
 from model.loading.formats import FORMATS, Format, detect_format
 from model.loading.load import load_mesh
 
-__all__ = ["FORMATS", "Format", "detect_format", "load_mesh"]
+__all__ = ["FORMATS", "Format", "detect_format", "find_meshes", "load_mesh"]

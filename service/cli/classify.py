@@ -2,16 +2,17 @@
 
 import os
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
+
+from service.cli.shared import load_classifier
 
 if TYPE_CHECKING:
     from service.classifier import Classifier
     from service.records import Answer, Refusal
-    from service.settings import Settings
 
 STDIN = "-"
 # The class and its runner-up: with more, the table outgrows a terminal of 80 columns.
@@ -39,9 +40,15 @@ def classify(
     the order of the input. A file that cannot be used is a record with its reason. Exits with 0
     if every file was classified, 1 if some were not, 2 if the call itself is wrong.
     """
+    from model.loading import FORMATS
+
     files = list(_expand(paths))
+    if declared and declared.lower() not in FORMATS:
+        raise click.UsageError(f"unknown --format {declared!r}: choose from {', '.join(FORMATS)}")
     if declared and STDIN not in files:
-        raise click.UsageError("--format is for standard input; name it as -")
+        raise click.UsageError("--format is for standard input, which no PATH names: add -")
+    if files.count(STDIN) > 1:
+        raise click.UsageError("- stands for standard input, which holds one mesh: name it once")
     classifier = load_classifier(model)
     if as_json or not sys.stdout.isatty():
         failures = _print_lines(_classify_all(classifier, files, declared, top))
@@ -51,43 +58,14 @@ def classify(
     ctx.exit(1 if failures else 0)
 
 
-def read_settings(flags: "Mapping[str, Any]") -> "Settings":
-    """The settings, with the flags that were given over them; a bad one is a usage error."""
-    from pydantic import ValidationError
-
-    from service.settings import Settings
-
-    given = {name: value for name, value in flags.items() if value is not None}
-    try:
-        return Settings.model_validate({**Settings().model_dump(), **given})
-    except ValidationError as error:
-        problems = [f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors()]
-        raise click.UsageError("bad setting: " + "; ".join(problems)) from None
-
-
-def load_classifier(model: str | None) -> "Classifier":
-    """The classifier for a --model value or the settings' default; a bad one is a usage error."""
-    from export.metadata import ModelFileError
-    from service.classifier import Classifier
-
-    try:
-        return Classifier.load(model or read_settings({}).model)
-    except ModelFileError as error:
-        raise click.UsageError(str(error)) from None
-
-
 def _expand(paths: Iterable[str]) -> Iterator[str]:
     """The files to classify, in order. A file that was named is tried whatever its name."""
-    from model.loading import FORMATS
+    from model.loading import FORMATS, find_meshes
 
     for text in paths:
         path = Path(text)
         if path.is_dir():
-            found = sorted(
-                file
-                for file in path.rglob("*")
-                if file.is_file() and file.suffix.lower().lstrip(".") in FORMATS
-            )
+            found = find_meshes(path)
             if not found:
                 raise click.UsageError(
                     f"no mesh files under {text} (read are: {', '.join(FORMATS)})"

@@ -10,7 +10,7 @@ import click
 @click.option("--json", "as_json", is_flag=True, help="The card as JSON.")
 def inspect(model: str | None, as_json: bool) -> None:
     """Show the card of MODEL, a shipped model's name or a model file. [default: shrec11]"""
-    from service.cli.classify import load_classifier
+    from service.cli.shared import load_classifier
 
     opened = load_classifier(model).model
     card = opened.card.to_dict() | {"sha256": opened.sha256}

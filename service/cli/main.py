@@ -51,7 +51,7 @@ class Commands(click.Group):
                 raise
             raise click.ClickException(
                 f"this command needs {error.name}, which comes with an extra: "
-                "pip install 'meshconv3d[train]'"
+                "pip install '.[train]' in a clone of meshconv3d"
             ) from None
         except BrokenPipeError:
             # Here, since click would make it exit code 1.
@@ -94,6 +94,11 @@ def main() -> None:
     except BrokenPipeError:
         _drop_output()
         sys.exit(0)
+    except OSError as error:
+        where = f": {error.filename}" if error.filename else ""
+        click.echo(f"Error: {error.strerror or error}{where}", err=True)
+        _drop_output()
+        sys.exit(1)
     sys.exit(status if isinstance(status, int) else 0)
 
 

@@ -20,17 +20,13 @@ def serve(**flags: str | int | None) -> None:
     import uvicorn
     import uvicorn.config
 
-    from service.classifier import SelfTestError
-    from service.cli.classify import load_classifier, read_settings
+    from service.cli.shared import load_classifier, read_settings
     from service.http.app import create_app
 
     # To be stopped is no failure. The server drains first, then raises the signal once more.
     signal.signal(signal.SIGTERM, _stop)
     settings = read_settings(flags)
-    try:
-        app = create_app(load_classifier(settings.model), settings)
-    except SelfTestError as error:
-        raise click.ClickException(str(error)) from None
+    app = create_app(load_classifier(settings.model), settings)
     logs = copy.deepcopy(uvicorn.config.LOGGING_CONFIG)
     logs["handlers"]["access"]["stream"] = "ext://sys.stderr"
     uvicorn.run(app, host=settings.host, port=settings.port, server_header=False, log_config=logs)

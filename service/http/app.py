@@ -36,11 +36,7 @@ REQUEST_BODY = {
 
 
 def create_app(classifier: Classifier, settings: Settings) -> FastAPI:
-    """The service around one classifier, which must prove itself first.
-
-    Raises SelfTestError when the model does not give its stored scores here.
-    """
-    classifier.self_test()
+    """The service around one classifier, which has passed its self-test."""
     ready = False
 
     @asynccontextmanager
@@ -58,6 +54,7 @@ def create_app(classifier: Classifier, settings: Settings) -> FastAPI:
         # These pages would load their scripts from a public server.
         docs_url=None,
         redoc_url=None,
+        redirect_slashes=False,
     )
     app.add_middleware(BodyLimit, limit=settings.max_upload_bytes)
     install_problem_handlers(app)
@@ -94,12 +91,14 @@ def create_app(classifier: Classifier, settings: Settings) -> FastAPI:
         model = classifier.model
         return {"models": [model.card.to_dict() | {"sha256": model.sha256}]}
 
-    @app.get("/livez")
+    @app.api_route("/livez", methods=["GET", "HEAD"])
     async def live() -> dict:
         """The process runs."""
         return {"status": "alive"}
 
-    @app.get("/readyz", responses={503: {"description": "Not ready."}})
+    not_ready: dict[int | str, dict] = {503: {"description": "Not ready."}}
+
+    @app.api_route("/readyz", methods=["GET", "HEAD"], responses=not_ready)
     async def is_ready() -> JSONResponse:
         """A known mesh was classified as expected since the start."""
         status = "ready" if ready else "not ready"

@@ -12,7 +12,13 @@ from model.loading import FORMATS
 
 MULTIPART = "multipart/form-data"
 # Types that say nothing of the format: the name, if any, and the content decide.
-OPAQUE_TYPES = {"", "application/octet-stream", "binary/octet-stream"}
+# (curl --data-binary declares a form unless told otherwise.)
+OPAQUE_TYPES = {
+    "",
+    "application/octet-stream",
+    "application/x-www-form-urlencoded",
+    "binary/octet-stream",
+}
 
 
 class UploadTooLarge(Exception):
@@ -65,8 +71,14 @@ class Upload:
 async def read_upload(request: Request) -> Upload:
     """The mesh in a request: the multipart field `file`, or a raw body with a media type.
 
-    Raises MalformedFile for a form without that field, UnknownFormat for another media type.
+    Raises MalformedFile for a form without that field, UnknownFormat for another media type or
+    an encoding.
     """
+    encoding = request.headers.get("content-encoding", "identity").lower()
+    if encoding != "identity":
+        raise UnknownFormat(
+            "unknown-encoding", f"content encoding {encoding!r} is not read; send the mesh as it is"
+        )
     media_type = request.headers.get("content-type", "").partition(";")[0].strip().lower()
     if media_type == MULTIPART:
         return await _read_form(request)

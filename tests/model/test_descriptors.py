@@ -6,7 +6,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from model.augmentation import random_rotation
-from model.descriptors import TERM_COUNT, descriptor_terms, pooling_features
+from model.descriptors import (
+    GEODESIC_TERMS,
+    GEOMETRIC_TERMS,
+    descriptor_terms,
+    pooling_features,
+)
 from model.mesh import Mesh
 from model.topology import Surface
 from tests.meshes import cube, sheet, torus
@@ -62,7 +67,7 @@ def by_the_equations(mesh: Mesh, absolute_offsets: bool) -> np.ndarray:
 def test_terms_are_those_of_the_equations_on_any_surface(surface, absolute_offsets):
     mesh = surface.mesh()
     terms = terms_of(mesh, absolute_offsets)
-    assert terms.shape == (len(mesh.faces), TERM_COUNT, 3)
+    assert terms.shape == (len(mesh.faces), len(GEODESIC_TERMS + GEOMETRIC_TERMS), 3)
     assert terms.dtype == np.float32
     assert terms == pytest.approx(by_the_equations(mesh, absolute_offsets), abs=2e-5)
 

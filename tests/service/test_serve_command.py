@@ -14,6 +14,8 @@ from export.metadata import PREFIX
 from tests.commands import meshconv3d
 from tests.service.conftest import Service
 
+README = Path(__file__).parents[2] / "README.md"
+
 
 def test_a_stop_lets_the_running_request_finish(
     start: Callable[..., Service], meshes: Path
@@ -48,16 +50,17 @@ def test_variables_set_what_flags_do_not(start: Callable[..., Service], model_fi
     assert [model["name"] for model in models] == ["tiny"]  # the flag's, not the variable's
 
 
-def test_it_does_not_serve_a_model_that_fails_its_self_test(
-    model_file: Path, tmp_path: Path
+@pytest.mark.parametrize("command", [["serve", "--port", 0], ["classify", README]])
+def test_a_model_that_fails_its_self_test_answers_nothing(
+    model_file: Path, tmp_path: Path, command: list
 ) -> None:
     graph = onnx.load(model_file)
     (entry,) = (entry for entry in graph.metadata_props if entry.key == PREFIX + "probe")
     entry.value = json.dumps(json.loads(entry.value) | {"scores": [9.0, 9.0, 9.0]})
     path = tmp_path / "other.onnx"
     path.write_bytes(graph.SerializeToString())
-    done = meshconv3d("serve", "--model", path, "--port", 0)
-    assert done.returncode not in (0, 2)
+    done = meshconv3d(*command, "--model", path)
+    assert (done.returncode, done.stdout) == (2, "")
     assert "model tiny scores the sample" in done.stderr
     assert "running on" not in done.stderr
 

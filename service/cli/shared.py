@@ -1,0 +1,44 @@
+"""What several commands do first: read the settings, open the model."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from service.classifier import Classifier
+    from service.settings import Settings
+
+
+def read_settings(flags: Mapping[str, Any]) -> "Settings":
+    """The settings, with the flags that were given over them; a bad one is a usage error."""
+    from pydantic import ValidationError
+
+    from service.settings import Settings
+
+    given = {name: value for name, value in flags.items() if value is not None}
+    try:
+        return Settings(**given)
+    except ValidationError as error:
+        raise click.UsageError("; ".join(map(_bad_setting, error.errors()))) from None
+
+
+def _bad_setting(error: Mapping[str, Any]) -> str:
+    name = ".".join(map(str, error["loc"]))
+    return f"bad setting: {name} (MESHCONV3D_{name.upper()}): {error['msg']}"
+
+
+def load_classifier(model: str | None) -> "Classifier":
+    """The classifier for a --model value or the settings' default, tested on its own sample.
+
+    A model that is missing, damaged, or does not give its own scores is a usage error.
+    """
+    from export.metadata import ModelFileError
+    from service.classifier import Classifier, SelfTestError
+
+    try:
+        classifier = Classifier.load(read_settings({}).model if model is None else model)
+        classifier.self_test()
+    except (ModelFileError, SelfTestError) as error:
+        raise click.UsageError(str(error)) from None
+    return classifier
