@@ -119,3 +119,33 @@ def test_progress_sees_every_sample(folders, config):
 
     load_samples(samples, config, progress)
     assert seen == samples
+
+
+def table_of(folder, *rows: str) -> str:
+    """A split file over four cubes, two of a class, named by `rows`; its error."""
+    for place in ("box/a.off", "box/b.off", "ring/c.off", "ring/d.off"):
+        write_off(folder / place, cube())
+    split_file = folder / "split.csv"
+    split_file.write_text("\ufeffclass,file,split\n" + "\n".join(rows), encoding="utf-8")
+    with pytest.raises(DatasetError) as caught:
+        find_samples(folder, split_file)
+    return str(caught.value)
+
+
+def test_a_file_cannot_be_learnt_and_tested(tmp_path):
+    rows = ["box,a.off,train", "ring,c.off,train", "box,a.off,test"]
+    assert "more than once" in table_of(tmp_path, *rows)
+
+
+def test_every_class_must_be_learnt_and_one_is_no_choice(tmp_path):
+    (tmp_path / "key").mkdir()
+    write_off(tmp_path / "key" / "e.off", cube())
+    rows = ["box,a.off,train", "key,e.off,train", "ring,c.off,test"]
+    assert "without training meshes: ring" in table_of(tmp_path, *rows)
+    assert "at least 2 are needed" in table_of(tmp_path, *rows[:1])
+
+
+def test_a_table_names_nothing_outside_its_folder(tmp_path):
+    write_off(tmp_path / "outside.off", cube())
+    row = "box,../../outside.off,train"
+    assert "which is not under" in table_of(tmp_path / "data", row)

@@ -224,3 +224,11 @@ def test_an_epoch_draws_one_version_of_every_mesh(shapes, tmp_path, monkeypatch)
     copies = sum(count >= 499 for count in drawn)
     assert len(shapes) * 3 - 3 * TRAINING.batch_size < len(drawn) <= len(shapes) * 3
     assert 0.2 < copies / len(drawn) < 0.8
+
+
+def test_a_run_is_not_resumed_on_moved_meshes(shapes, uninterrupted):
+    (first,), *others = shapes
+    moved = replace(first, mesh=first.mesh.moved(first.mesh.vertices * 0.9))
+    trainer = Trainer(CONFIG, TRAINING, [[moved], *others], uninterrupted.folder)
+    with pytest.raises(ValueError, match="other settings or data"):
+        trainer.resume()
