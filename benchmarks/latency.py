@@ -15,10 +15,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-import onnxruntime
 import torch
 import trimesh
 
+from export.runtime import onnxruntime
 from model.checkpoint import load_checkpoint
 from model.config import NetworkConfig
 from model.descriptors import descriptor_terms, pooling_features

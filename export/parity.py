@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 
 import numpy as np
-import onnxruntime as ort
 import torch
 
+from export.runtime import onnxruntime as ort
 from model.inputs import MeshInputs, collate, input_names
 from model.network import Network, as_tensors
 

@@ -4,9 +4,8 @@ import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 
-import onnxruntime as ort
-
 from export.metadata import ModelCard, ModelFileError, read_card
+from export.runtime import onnxruntime as ort
 from model.inputs import input_names
 
 SHIPPED = Path(__file__).parent / "shipped"

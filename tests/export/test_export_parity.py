@@ -5,12 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import onnx
-import onnxruntime as ort
 import pytest
 import torch
 
 from export.onnx_file import export_model
 from export.parity import TOLERANCE
+from export.runtime import onnxruntime as ort
 from model.checkpoint import Checkpoint
 from model.config import NetworkConfig
 from model.inputs import MeshInputs, collate, mesh_inputs
