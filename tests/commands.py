@@ -26,3 +26,17 @@ def meshconv3d(
     return subprocess.CompletedProcess(
         command, done.returncode, done.stdout.decode(), done.stderr.decode()
     )
+
+
+def read_terminal(master: int) -> bytes:
+    """All that is written to a pseudo-terminal until its other side is closed; closes this one."""
+    output = b""
+    with open(master, "rb", buffering=0) as terminal:
+        while True:
+            try:
+                chunk = terminal.read(65536)
+            except OSError:  # how Linux tells that the other side was closed
+                return output
+            if not chunk:
+                return output
+            output += chunk

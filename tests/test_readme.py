@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.commands import read_terminal
+
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 CONSOLE = re.findall(r"```console\n(.*?)```", README, re.DOTALL)
@@ -36,16 +38,7 @@ def run_at_terminal(commands: list[str], folder: Path) -> list[list[str]]:
             stderr=errors,
         )
         os.close(device)
-        printed = b""
-        while True:
-            try:
-                chunk = os.read(terminal, 65536)
-            except OSError:  # how Linux reports that the other end has closed
-                break
-            if not chunk:
-                break
-            printed += chunk
-        os.close(terminal)
+        printed = read_terminal(terminal)
         shell.wait(timeout=60)
     parts = printed.decode().replace("\r", "").split("@@@\n")[1:]
     return [part.splitlines() for part in parts]

@@ -9,7 +9,7 @@ import subprocess
 import termios
 from pathlib import Path
 
-from tests.commands import PROGRAM, environment
+from tests.commands import PROGRAM, environment, read_terminal
 
 WIDTH = 80
 
@@ -23,16 +23,7 @@ def at_a_terminal(*arguments: object, cwd: Path) -> tuple[int, list[str]]:
         command, stdin=slave, stdout=slave, stderr=subprocess.DEVNULL, env=environment(), cwd=cwd
     )
     os.close(slave)
-    output = b""
-    while True:
-        try:
-            chunk = os.read(master, 65536)
-        except OSError:  # how Linux tells that the other side was closed
-            break
-        if not chunk:
-            break
-        output += chunk
-    os.close(master)
+    output = read_terminal(master)
     assert not re.search(rb"\x1b\[[0-9;?]*[^0-9;?m]", output)  # colours, and nothing else
     shown = re.sub(r"\x1b\[[0-9;]*m", "", output.decode())
     return process.wait(60), [line.rstrip() for line in shown.splitlines()]
