@@ -81,6 +81,9 @@ def commands() -> None:
 
 def main() -> None:
     """Run the command line; a reader that closes the pipe early is no failure."""
+    # Python has None in place of a stream that the caller closed.
+    sys.stdin = sys.stdin or open(os.devnull)  # noqa: SIM115 (open until exit)
+    sys.stdout = sys.stdout or open(os.devnull, "w")  # noqa: SIM115
     run: Callable[..., object] = commands
     try:
         status = run(standalone_mode=False)

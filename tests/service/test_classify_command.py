@@ -2,6 +2,7 @@
 
 import json
 import os
+import shlex
 import signal
 import subprocess
 from pathlib import Path
@@ -140,3 +141,13 @@ def test_an_interrupt_ends_without_a_traceback(endless: subprocess.Popen[bytes])
     _, told = endless.communicate(timeout=60)
     assert told.split() == [b"interrupted"]
     assert endless.returncode == 130
+
+
+@pytest.mark.parametrize(("closed", "status"), [(">&-", 0), ("- <&-", 1)])
+def test_a_closed_stream_is_an_empty_one(model_file: Path, meshes: Path, closed: str, status: int):
+    path = shlex.quote(str(meshes / "ring.obj"))
+    command = f"{PROGRAM} classify --model {shlex.quote(str(model_file))} {path} {closed}"
+    done = subprocess.run(
+        ["sh", "-c", command], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, env=environment()
+    )
+    assert (done.returncode, done.stderr) == (status, b"")
