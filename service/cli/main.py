@@ -88,7 +88,9 @@ def main() -> None:
     try:
         status = run(standalone_mode=False)
         sys.stdout.flush()
-    except click.exceptions.Abort:
+    except (click.exceptions.Abort, SystemError) as error:
+        if isinstance(error, SystemError) and not _comes_from_interrupt(error):
+            raise
         click.echo("interrupted", err=True)
         sys.exit(130)
     except click.ClickException as error:
@@ -103,6 +105,15 @@ def main() -> None:
         _drop_output()
         sys.exit(1)
     sys.exit(status if isinstance(status, int) else 0)
+
+
+def _comes_from_interrupt(error: BaseException | None) -> bool:
+    """Whether Ctrl-C came while compiled code ran, which reports it as an error of its own."""
+    while error is not None:
+        if isinstance(error, KeyboardInterrupt):
+            return True
+        error = error.__cause__
+    return False
 
 
 def _drop_output() -> None:
