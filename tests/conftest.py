@@ -17,6 +17,12 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 settings.register_profile("kernels", deadline=None)
 settings.load_profile("kernels")
 
+SMALL = NetworkConfig(
+    classes=("ball", "box", "ring"),
+    channels=(8, 12, 16),
+    descriptor_hidden=8,
+    descriptor_channels=6,
+)
 SHARED_DATA = Path(__file__).parents[2] / "shared" / "data"
 
 
@@ -35,12 +41,7 @@ def shrec(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def config() -> NetworkConfig:
     """A small network over three classes, with the paper's K and targets."""
-    return NetworkConfig(
-        classes=("ball", "box", "ring"),
-        channels=(8, 12, 16),
-        descriptor_hidden=8,
-        descriptor_channels=6,
-    )
+    return SMALL
 
 
 @pytest.fixture(scope="session")
@@ -49,15 +50,9 @@ def checkpoint_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     from model.checkpoint import Checkpoint, save_checkpoint
     from tests.networks import untrained
 
-    small = NetworkConfig(
-        classes=("ball", "box", "ring"),
-        channels=(8, 12, 16),
-        descriptor_hidden=8,
-        descriptor_channels=6,
-    )
     path = tmp_path_factory.mktemp("checkpoint") / "tiny.safetensors"
     training = {"data": {"name": "none"}, "accuracy": {"test": 0.25}}
-    save_checkpoint(Checkpoint(untrained(small), training), path)
+    save_checkpoint(Checkpoint(untrained(SMALL), training), path)
     return path
 
 
