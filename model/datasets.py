@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from model.config import NetworkConfig
 from model.errors import MeshError, UnusableMesh
@@ -17,7 +16,6 @@ from model.inputs import MeshInputs, mesh_inputs
 from model.loading import find_meshes, load_mesh
 from model.mesh import Mesh
 from model.preparation import prepare
-from model.topology import Surface
 from model.variation import vary
 
 SPLITS = ("train", "val", "test")
@@ -39,17 +37,11 @@ class Sample:
 
 
 def find_samples(root: Path, split_file: Path | None = None) -> list[Sample]:
-    """List a data set, sorted by path.
+    """List a data set that can be trained on: `list_samples`, and no class without training meshes.
 
-    Without a split file the layout is root/class/split/file, as in SHREC11 and ManifoldNet.
-    With one, it is root/class/file, and the file is a CSV table with the columns class, file and
-    split; files that it does not name are left out, and a file may also lie in
-    root/class/split/. Raises DatasetError saying what was expected and what was found.
+    Raises DatasetError saying what was expected and what was found.
     """
-    if not root.is_dir():
-        raise DatasetError(f"{root} is not a folder")
-    samples = _from_table(root, split_file) if split_file else _from_folders(root)
-    labels = set(class_names(samples))
+    samples = list_samples(root, split_file)
     trained = {sample.label for sample in samples if sample.split == "train"}
     if len(trained) < 2:
         raise DatasetError(
@@ -57,17 +49,36 @@ def find_samples(root: Path, split_file: Path | None = None) -> list[Sample]:
             f"expected {root}/CLASS/train/*.obj (or another mesh format), or a split file with "
             "the columns class,file,split"
         )
-    if untrained := sorted(labels - trained):
+    if untrained := sorted(set(class_names(samples)) - trained):
         raise DatasetError(f"classes without training meshes: {', '.join(untrained)}")
+    return samples
+
+
+def list_samples(root: Path, split_file: Path | None = None) -> list[Sample]:
+    """List a folder of labelled meshes, sorted by path; it may lack any split, and be empty.
+
+    Without a split file the layout is root/class/split/file, as in SHREC11 and ManifoldNet, or,
+    where no folder is a split, root/class/file: such meshes are all of the split "test".
+    With one, it is root/class/file, and the file is a CSV table with the columns class, file and
+    split; files that it does not name are left out, and a file may also lie in
+    root/class/split/. Raises DatasetError saying what was expected and what was found.
+    """
+    if not root.is_dir():
+        raise DatasetError(f"{root} is not a folder")
+    samples = _from_table(root, split_file) if split_file else _from_folders(root)
     return sorted(samples, key=lambda sample: str(sample.path))
 
 
 def _from_folders(root: Path) -> list[Sample]:
-    return [
-        Sample(path, path.parts[-3], path.parts[-2])
-        for path in find_meshes(root)
-        if path.parts[-2] in SPLITS and path.parents[2] == root
-    ]
+    divided, plain = [], []
+    for path in find_meshes(root):
+        match path.relative_to(root).parts:
+            case (label, split, _) if split in SPLITS:
+                divided.append(Sample(path, label, split))
+            case (label, _):
+                plain.append(Sample(path, label, "test"))
+    # Beside split folders, a file in its class's folder belongs to no split.
+    return divided or plain
 
 
 def _from_table(root: Path, split_file: Path) -> list[Sample]:
@@ -108,10 +119,9 @@ def class_names(samples: Iterable[Sample]) -> tuple[str, ...]:
 
 @dataclass(frozen=True, eq=False)
 class LabelledMesh:
-    """A prepared mesh with its class index; surface and inputs are computed once."""
+    """A prepared mesh with its class index; inputs are computed once."""
 
     mesh: Mesh
-    twin: NDArray[np.int32]
     inputs: MeshInputs
     label: int
 
@@ -172,4 +182,4 @@ def _copies(mesh: Mesh, face_budget: int, count: int, rng: np.random.Generator) 
 
 
 def _labelled(mesh: Mesh, config: NetworkConfig, label: int) -> LabelledMesh:
-    return LabelledMesh(mesh, Surface.of(mesh).twin, mesh_inputs(mesh, config), label)
+    return LabelledMesh(mesh, mesh_inputs(mesh, config), label)

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from model.datasets import DatasetError, class_names, find_samples, load_samples
+from model.datasets import DatasetError, class_names, find_samples, list_samples, load_samples
 from model.mesh import Mesh
 from tests.meshes import cube, icosphere, torus
 
@@ -55,6 +55,39 @@ def test_folders_are_the_splits(folders):
         ("ring/train/two.OFF", "ring", "train"),
     ]
     assert class_names(samples) == ("ball", "box", "ring")
+
+
+def test_the_working_folder_is_a_folder_like_any_other(folders, monkeypatch):
+    """Its meshes have short paths, and those that lie in it directly have no class."""
+    write_off(folders / "stray.off", cube())
+    write_off(folders / "train" / "stray.off", cube())
+    samples = described(find_samples(folders), folders)
+    monkeypatch.chdir(folders)
+    assert described(find_samples(Path()), Path()) == samples
+
+
+@pytest.mark.parametrize("split", ["test", "val"])
+def test_what_is_only_measured_on_needs_no_training_meshes(tmp_path, split):
+    write_off(tmp_path / "box" / split / "a.off", cube())
+    assert described(list_samples(tmp_path), tmp_path) == [(f"box/{split}/a.off", "box", split)]
+    with pytest.raises(DatasetError, match="0 classes with training meshes"):
+        find_samples(tmp_path)
+
+
+def test_a_folder_without_splits_is_all_test(tmp_path):
+    for place in ("box/b.off", "box/a.off", "ring/c.off", "stray.off", "box/below/d.off"):
+        write_off(tmp_path / place, cube())
+    assert described(list_samples(tmp_path), tmp_path) == [
+        ("box/a.off", "box", "test"),
+        ("box/b.off", "box", "test"),
+        ("ring/c.off", "ring", "test"),
+    ]
+    write_off(tmp_path / "ring" / "train" / "e.off", cube())
+    assert described(list_samples(tmp_path), tmp_path) == [("ring/train/e.off", "ring", "train")]
+
+
+def test_nothing_to_list_is_an_empty_list(tmp_path):
+    assert list_samples(tmp_path) == []
 
 
 def test_a_table_names_the_splits_of_files_in_either_place(tmp_path):
