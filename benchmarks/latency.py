@@ -77,7 +77,7 @@ def stages(config: NetworkConfig, model_name: str) -> None:
         ),
         f"  patches, K = {config.patch_size}": lambda: grow_patches(adjacency, config.patch_size),
         f"  one pooling, to {config.targets[0]}": lambda: pool_faces(
-            surface.twin, features, config.targets[0]
+            surface.twin, features, config.targets[0], True, True
         ),
         "collate": lambda: collate([inputs]),
         "graph (onnxruntime)": lambda: session.run(["scores"], arrays),
@@ -116,7 +116,7 @@ def runtimes(config: NetworkConfig, checkpoint: Path | None, model_name: str) ->
     network = load_checkpoint(checkpoint).network if checkpoint else Network(config).eval()
     path = next(iter(sample_paths().values()))
     arrays = collate([mesh_inputs(prepare(load_mesh(path), config.face_budget)[0], config)])
-    tensors = as_tensors(arrays, config.levels)
+    tensors = as_tensors(arrays)
     session = open_model(model_name).session
     square = np.random.default_rng(0).random((1024, 1024), dtype=np.float32)
     yardstick = torch.from_numpy(square)

@@ -44,6 +44,7 @@ def main() -> None:
         reports.append(report)
         nonmanifold_after += _is_nonmanifold(mesh)
         topology = mesh_inputs(mesh, config).topology
+        assert topology is not None  # pooling is geometric
         for level, count in enumerate(topology.face_counts[1:]):
             levels[level][count] += 1
             widths[level] = max(widths[level], topology.pools[level].shape[1])

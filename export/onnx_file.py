@@ -10,9 +10,10 @@ import onnx
 import torch
 from torch.export import Dim
 
-from export.graph import ExportedNetwork
+from export.graph import fold_batch_norm
 from export.metadata import ModelCard, Probe
 from export.parity import OUTPUTS, check_parity
+from export.translation import TRANSLATIONS
 from model.checkpoint import Checkpoint
 from model.config import NetworkConfig
 from model.inputs import MeshInputs, collate, input_names
@@ -51,28 +52,27 @@ def export_model(
 def probe(network: Network, sample: str, inputs: MeshInputs) -> Probe:
     """A sample mesh with its scores, by which a runtime can test itself."""
     with torch.inference_mode():
-        scores, _ = network.eval()(*as_tensors(collate([inputs]), network.config.levels))
+        scores, _ = network.eval()(*as_tensors(collate([inputs])))
     return Probe(sample, tuple(round(score, 5) for score in scores[0].tolist()))
 
 
 def trace_graph(network: Network, meshes: Sequence[MeshInputs]) -> onnx.ModelProto:
     """The folded network as an ONNX graph with symbolic face, batch and pooling-width axes."""
-    arrays = collate(meshes)
-    names = input_names(network.config.levels)
     with warnings.catch_warnings():
         # The exporter warns of matters of its own (deprecations, opset conversions); parity
         # decides whether the file is right.
         warnings.simplefilter("ignore")
         logging.getLogger("torch.onnx").setLevel(logging.ERROR)
         program = torch.onnx.export(
-            ExportedNetwork(network).eval(),
-            tuple(torch.from_numpy(arrays[name]) for name in names),
+            fold_batch_norm(network),
+            as_tensors(collate(meshes)),
             dynamo=True,
             verbose=False,
             opset_version=OPSET,
-            input_names=names,
+            input_names=input_names(network.config),
             output_names=list(OUTPUTS),
             dynamic_shapes=_dynamic_shapes(network.config),
+            custom_translation_table=TRANSLATIONS,
         )
     assert program is not None
     graph = program.model_proto
@@ -85,6 +85,9 @@ def trace_graph(network: Network, meshes: Sequence[MeshInputs]) -> onnx.ModelPro
 
 def _dynamic_shapes(config: NetworkConfig) -> tuple:
     """Symbolic axes of each input; K is the network's own and stays fixed."""
+    if config.pooling == "learned":
+        count = Dim("faces_0")
+        return {0: count}, ({0: 3 * count}, {0: 3 * count}, {0: Dim("batch_and_end")})
     faces = [Dim(f"faces_{level}") for level in range(config.levels + 1)]
     patches = [{0: faces[level]} for level in range(config.levels)]
     pools = [{0: faces[level + 1], 1: Dim(f"pool_width_{level}")} for level in range(config.levels)]

@@ -5,7 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 import torch
 
+from export.metadata import ModelFileError
 from export.runtime import onnxruntime as ort
+from export.runtime import open_session
 from model.inputs import MeshInputs, collate, input_names
 from model.network import Network, as_tensors
 
@@ -33,7 +35,7 @@ def check_parity(
     for title, batch in batches.items():
         arrays = collate(batch)
         with torch.inference_mode():
-            expected = network.eval()(*as_tensors(arrays, network.config.levels))
+            expected = network.eval()(*as_tensors(arrays))
         for name, ours, theirs in zip(OUTPUTS, session.run(None, arrays), expected, strict=True):
             difference = relative_difference(np.asarray(ours), theirs.numpy())
             worst[name] = max(worst[name], difference)
@@ -56,13 +58,11 @@ def check_parity(
 def _open(model: bytes, network: Network) -> ort.InferenceSession:
     """The file, which must take and give by name what the network does. Raises ParityError."""
     try:
-        session = ort.InferenceSession(model, providers=["CPUExecutionProvider"], enable_fallback=0)
-    except Exception as error:
-        # Damaged bytes make onnxruntime raise nearly anything.
-        reason = str(error).partition("\n")[0]
-        raise ParityError(f"the file is damaged or is no ONNX model: {reason}") from None
+        session = open_session(model)
+    except ModelFileError as error:
+        raise ParityError(str(error)) from None
     for kind, found, expected in (
-        ("inputs", session.get_inputs(), input_names(network.config.levels)),
+        ("inputs", session.get_inputs(), input_names(network.config)),
         ("outputs", session.get_outputs(), list(OUTPUTS)),
     ):
         names = [value.name for value in found]

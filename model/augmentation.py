@@ -1,6 +1,6 @@
 """Training copies of a mesh that move its vertices and leave its topology valid."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -34,8 +34,10 @@ class Augmentation:
         vertices = vertices * rng.uniform(1 - self.scale, 1 + self.scale, 3)
         vertices = vertices + rng.normal(0.0, self.jitter, vertices.shape)
         vertices = into_unit_sphere(vertices, sample.mesh.faces)
-        terms = descriptor_terms(vertices, sample.mesh.faces, sample.twin, absolute_offsets)
-        return MeshInputs(terms, sample.inputs.topology)
+        terms = descriptor_terms(
+            vertices, sample.mesh.faces, sample.inputs.surface.twin, absolute_offsets
+        )
+        return replace(sample.inputs, terms=terms)
 
 
 def random_rotation(rng: np.random.Generator) -> np.ndarray:

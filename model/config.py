@@ -7,6 +7,8 @@ from typing import Annotated, Any, Literal
 from pydantic import ConfigDict, Field, TypeAdapter, model_validator
 from pydantic.dataclasses import dataclass
 
+from model.topology import Reading
+
 Size = Annotated[int, Field(ge=1)]
 Sizes = Annotated[tuple[Size, ...], Field(min_length=1)]
 
@@ -24,6 +26,10 @@ class NetworkConfig:
     """Faces of a prepared mesh: all three data sets of the paper have 500."""
     patch_size: Size = 10
     """K, the face itself included; the authors' setting."""
+    patch_padding: Literal["null", "self"] = "null"
+    """What fills the patch of a face whose component has fewer than K faces."""
+    patch_reduction: Literal["mean", "sum"] = "mean"
+    """How equation 4 gathers a patch."""
     channels: Sizes = (64, 128, 256)
     """Output channels of each block. The paper leaves them open; its authors' later work uses
     these."""
@@ -36,8 +42,13 @@ class NetworkConfig:
     """Widths of the two layers of each descriptor; ExMeshCNN's, from which they come."""
     absolute_offsets: bool = False
     """Take sum |v_i - c| for equation 1's first term, which as written is zero everywhere."""
-    pooling: Literal["geometric"] = "geometric"
-    """Which features weigh the faces in equation 5: the fixed ones of the input."""
+    pooling: Literal["geometric", "learned"] = "geometric"
+    """Which features weigh the faces in equation 5: the fixed ones of the input, or those that
+    enter the pooling."""
+    pooling_norm: Literal["squared", "plain"] = "squared"
+    """Of the feature differences in equation 5."""
+    pooling_survivor: bool = True
+    """Whether a pooled face's average includes what it was itself."""
 
     @model_validator(mode="after")
     def _check(self) -> "NetworkConfig":
@@ -50,6 +61,15 @@ class NetworkConfig:
     @property
     def levels(self) -> int:
         return len(self.targets)
+
+    @property
+    def reading(self) -> Reading:
+        """The topology stage's share of what is configured."""
+        return Reading(
+            self_padding=self.patch_padding == "self",
+            squared_norm=self.pooling_norm == "squared",
+            survivor=self.pooling_survivor,
+        )
 
     def to_json(self) -> str:
         return json.dumps(asdict(self))

@@ -16,7 +16,7 @@ def predict(network: Network, meshes: list[LabelledMesh], batch_size: int = 16) 
     with torch.inference_mode():
         for start in range(0, len(meshes), batch_size):
             arrays = collate([mesh.inputs for mesh in meshes[start : start + batch_size]])
-            scores.append(network(*as_tensors(arrays, network.config.levels, device))[0].cpu())
+            scores.append(network(*as_tensors(arrays, device))[0].cpu())
     return torch.cat(scores).numpy()
 
 

@@ -46,29 +46,33 @@ class PatchConvolution(nn.Module):
     """Equation 4 with BatchNorm and ReLU: N x C_in, N x K -> N x C_out.
 
     Centre, mean over the patch, and mean absolute difference over the patch; a matrix each,
-    stacked into one. The sums of the paper are means over the faces that are there: for a full
-    patch a constant that BatchNorm absorbs, and a short patch (a component of fewer than K
-    faces) keeps its scale. A missing face adds nothing to either. The centre itself is left out
-    of the patch: its share is in the first matrix already.
+    stacked into one. Where not `summed` as in the paper, sums are means over the faces that are
+    there: for a full patch a constant that BatchNorm absorbs, and a short patch (a component of
+    fewer than K faces) keeps its scale. A missing face adds nothing to either. The centre itself
+    is left out of the patch: its share is in the first matrix already.
     """
 
-    def __init__(self, channels_in: int, channels_out: int) -> None:
+    def __init__(self, channels_in: int, channels_out: int, summed: bool = False) -> None:
         super().__init__()
+        self.summed = summed
         self.linear = nn.Linear(3 * channels_in, channels_out, bias=False)
         self.norm = nn.BatchNorm1d(channels_out)
 
     def forward(self, features: Tensor, patches: Tensor) -> Tensor:
-        return torch.relu(self.norm(self.linear(patch_statistics(features, patches[:, 1:]))))
+        statistics = patch_statistics(features, patches[:, 1:], self.summed)
+        return torch.relu(self.norm(self.linear(statistics)))
 
 
-def patch_statistics(features: Tensor, neighbours: Tensor) -> Tensor:
-    """(centre, mean, mean absolute difference): N x C, N x (K - 1) -> N x 3 C."""
+def patch_statistics(features: Tensor, neighbours: Tensor, summed: bool = False) -> Tensor:
+    """(centre, mean, mean absolute difference): N x C, N x (K - 1) -> N x 3 C; or sums."""
     if neighbours.shape[1] == 0:  # K = 1
         return torch.cat([features, torch.zeros_like(features), torch.zeros_like(features)], dim=1)
-    present = count_present(neighbours, features)
     rows = gather_rows(features, neighbours)  # N x (K - 1) x C
     differences = (rows - features[:, None]).abs().sum(dim=1)
     # A null row reads zeros, so that each missing face has added |centre|: take that off again.
     missing = (neighbours == 0).to(features.dtype).sum(dim=1, keepdim=True)
     differences = differences - missing * features.abs()
+    if summed:
+        return torch.cat([features, rows.sum(dim=1), differences], dim=1)
+    present = count_present(neighbours, features)
     return torch.cat([features, rows.sum(dim=1) / present, differences / present], dim=1)

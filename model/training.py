@@ -146,7 +146,7 @@ class Trainer:
         total_loss, right, seen = 0.0, 0, 0
         self.network.train()
         for arrays, labels in self._batches(epoch):
-            scores, _ = self.network(*as_tensors(arrays, self.network.config.levels, self.device))
+            scores, _ = self.network(*as_tensors(arrays, self.device))
             target = torch.from_numpy(labels).to(self.device)
             loss = self.loss(scores, target)
             self.optimiser.zero_grad()

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from export.metadata import ModelCard, ModelFileError, read_card
 from export.runtime import onnxruntime as ort
+from export.runtime import open_session
 from model.inputs import input_names
 
 SHIPPED = Path(__file__).parent / "shipped"
@@ -43,29 +44,17 @@ def model_path(name_or_path: str) -> Path:
 def open_model(name_or_path: str) -> Model:
     """Open a model and check that it can run here.
 
-    It runs each mesh on one thread: they are too small to share. Raises ModelFileError for a file
-    that is missing, damaged, not one of this project, or made by a newer version.
+    Raises ModelFileError for a file that is missing, damaged, not one of this project, made by a
+    newer version, or in want of operators that are not installed.
     """
     path = model_path(name_or_path)
     try:
         content = path.read_bytes()
     except OSError as error:
         raise ModelFileError(f"{path} cannot be read: {error.strerror}") from None
-    options = ort.SessionOptions()
-    options.intra_op_num_threads = 1
-    options.log_severity_level = 3  # errors reach the caller as exceptions; no warnings on stderr
     try:
-        # Without fallback: it would print to stdout and then fail in the same way.
-        session = ort.InferenceSession(
-            content, options, providers=["CPUExecutionProvider"], enable_fallback=0
-        )
-        properties = session.get_modelmeta().custom_metadata_map
-    except Exception as error:
-        # Damaged bytes make onnxruntime raise nearly anything, UnicodeDecodeError included.
-        reason = str(error).partition("\n")[0]
-        raise ModelFileError(f"{path} is damaged or is no ONNX model: {reason}") from None
-    try:
-        card = read_card(properties)
+        session = open_session(content)
+        card = read_card(session.get_modelmeta().custom_metadata_map)
     except ModelFileError as error:
         raise ModelFileError(f"{path}: {error}") from None
     _check_graph(path, session, card)
@@ -74,7 +63,7 @@ def open_model(name_or_path: str) -> Model:
 
 def _check_graph(path: Path, session: ort.InferenceSession, card: ModelCard) -> None:
     """The graph must take and give what its card promises."""
-    expected = input_names(card.config.levels)
+    expected = input_names(card.config)
     found = [value.name for value in session.get_inputs()]
     outputs = {value.name: value.shape for value in session.get_outputs()}
     classes = outputs.get("scores", [None])[-1]

@@ -4,9 +4,16 @@ import torch
 from torch import nn
 
 from model.config import NetworkConfig
-from model.inputs import collate, mesh_inputs
+from model.inputs import MeshInputs, collate, mesh_inputs
 from model.network import Network, as_tensors
+from model.topology import Topology
 from tests.meshes import cube, icosphere, sheet, torus
+
+
+def topology_of(inputs: MeshInputs) -> Topology:
+    """The topology of a mesh whose levels are all known beforehand."""
+    assert inputs.topology is not None
+    return inputs.topology
 
 
 def untrained(config: NetworkConfig, seed: int = 0) -> Network:
@@ -26,7 +33,7 @@ def untrained(config: NetworkConfig, seed: int = 0) -> Network:
     meshes = [torus(), sheet(), cube(), icosphere(2)]
     batch = collate([mesh_inputs(mesh, config) for mesh in meshes])
     with torch.no_grad():
-        network.train()(*as_tensors(batch, config.levels))
+        network.train()(*as_tensors(batch))
     for norm in norms:
         norm.momentum = 0.1
     return network.eval()

@@ -1,50 +1,10 @@
 """The topology stage: everything about a mesh that the network reads as an index.
 
-`halfedges` pairs the edges, `patches` walks neighbourhoods, `pooling` collapses faces,
-`surface` is one pooling level, and `build_topology` runs them for all levels.
+`halfedges` pairs the edges, `patches` walks neighbourhoods, `pooling` collapses faces, `surface`
+is one pooling level of one mesh and `levels` all of them, `ragged` joins the meshes of a batch.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from model.topology.levels import Topology, build_topology
+from model.topology.surface import Reading, Surface
 
-import numpy as np
-from numpy.typing import NDArray
-
-from model.topology.pooling import gather_mean
-from model.topology.surface import Surface
-
-__all__ = ["Surface", "Topology", "build_topology"]
-
-
-@dataclass(frozen=True, eq=False)
-class Topology:
-    """The indices of every level of one mesh.
-
-    patches: L arrays, F_l x K int32. pools: L arrays, F_(l+1) x W_l int32, from level l to
-    level l + 1. Entries are face + 1 within their level; 0 is the null face.
-    """
-
-    patches: tuple[NDArray[np.int32], ...]
-    pools: tuple[NDArray[np.int32], ...]
-
-    @property
-    def face_counts(self) -> tuple[int, ...]:
-        """Faces of every level, L + 1 numbers."""
-        return (len(self.patches[0]), *(len(pool) for pool in self.pools))
-
-
-def build_topology(
-    surface: Surface, features: NDArray, patch_size: int, targets: Sequence[int]
-) -> Topology:
-    """All levels under the `geometric` reading of equation 5.
-
-    features: F_0 x C, the fixed geometric features of the input; they are averaged along with
-    the pooling and weigh the faces of every level. targets: one face count for each level.
-    """
-    patches, pools = [], []
-    for target in targets:
-        patches.append(surface.patches(patch_size))
-        surface, index = surface.pool(features, target)
-        features = gather_mean(features, index)
-        pools.append(index)
-    return Topology(tuple(patches), tuple(pools))
+__all__ = ["Reading", "Surface", "Topology", "build_topology"]

@@ -25,16 +25,17 @@ SLACK = 3
 
 @kernel
 def pool_faces(
-    twin: NDArray[np.int32], features: NDArray, target: int
+    twin: NDArray[np.int32], features: NDArray, target: int, squared: bool, survivor: bool
 ) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]:
     """Collapse faces until `target` are left, or as few as the surface allows.
 
     twin: H int32, symmetric; no face is its own neighbour, no two faces share two sides.
-    features: F x C floats, what equation 5 compares.
+    features: F x C floats, what equation 5 compares, by squared or plain Euclidean distance.
+    survivor: whether a surviving face that gathers removed ones counts among them itself.
     Returns (kept, pooled_twin, index): kept, F' int32, the surviving faces in ascending order;
     pooled_twin, 3 F' int32, their twins; index, F' x W int32 of face + 1, null-padded: the faces
-    whose mean a survivor becomes, itself first, then the removed faces that touched it. Over
-    several passes that is the union of what each pass gathers.
+    whose mean a survivor becomes: itself, if it counts, then the removed faces that touched it.
+    Over several passes that is the union of what each pass gathers.
     """
     faces = len(twin) // 3
     twin = twin.copy()
@@ -43,13 +44,13 @@ def pool_faces(
     members = np.arange(faces).astype(np.int32)
     living = faces
     while living > target:
-        weights = _weigh(twin, _average(features, offsets, members), alive)
+        weights = _weigh(twin, _average(features, offsets, members), alive, squared)
         order = np.argsort(weights, kind="mergesort")[:living]
         touched, removed = _collapse_pass(twin, alive, order, living, target)
         if removed == 0:
             break
         living -= removed
-        offsets, members = _gather_members(alive, touched, offsets, members)
+        offsets, members = _gather_members(alive, touched, offsets, members, survivor)
     return _compact(twin, alive, living, offsets, members)
 
 
@@ -68,9 +69,12 @@ def _average(
 
 @kernel
 def _weigh(
-    twin: NDArray[np.int32], features: NDArray[np.float64], alive: NDArray[np.bool_]
+    twin: NDArray[np.int32],
+    features: NDArray[np.float64],
+    alive: NDArray[np.bool_],
+    squared: bool,
 ) -> NDArray[np.float64]:
-    """Equation 5: squared feature distance to the three neighbours, infinite for dead faces.
+    """Equation 5: summed feature distance to the three neighbours, infinite for dead faces.
 
     A missing neighbour counts as the mean of those that are there, so that a border is neither
     eroded first nor kept for longest.
@@ -86,8 +90,10 @@ def _weigh(
                 continue
             present += 1
             neighbour = twin[h] // 3
+            distance = 0.0
             for c in range(features.shape[1]):
-                total += (features[f, c] - features[neighbour, c]) ** 2
+                distance += (features[f, c] - features[neighbour, c]) ** 2
+            total += distance if squared else np.sqrt(distance)
         weights[f] = total * 3 / max(present, 1)
     return weights
 
@@ -279,8 +285,12 @@ def _gather_members(
     touched: NDArray[np.int32],
     offsets: NDArray[np.int64],
     members: NDArray[np.int32],
+    survivor: bool,
 ) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
-    """Union of each survivor's members with those of the removed faces that it touched."""
+    """Union of the members of the removed faces that each survivor touched with its own.
+
+    Without `survivor` its own are left out, unless it touched none.
+    """
     faces = len(alive)
     bound = 0
     for f in range(faces):
@@ -297,7 +307,8 @@ def _gather_members(
         new_offsets[f] = count
         if not alive[f]:
             continue
-        for slot in range(4):
+        own = survivor or (touched[f] < 0).all()
+        for slot in range(0 if own else 1, 4):
             source = f if slot == 0 else touched[f, slot - 1]
             if source < 0:
                 continue

@@ -11,6 +11,22 @@ from model.topology.patches import grow_patches
 from model.topology.pooling import pool_faces
 
 
+@dataclass(frozen=True)
+class Reading:
+    """How to read what the paper leaves open about patches and pooling.
+
+    self_padding: a short patch repeats its own face, instead of the null face. squared_norm and
+    survivor: see `pool_faces`.
+    """
+
+    self_padding: bool = False
+    squared_norm: bool = True
+    survivor: bool = True
+
+
+PAPER = Reading()
+
+
 @dataclass(frozen=True, eq=False)
 class Surface:
     """How the faces of one pooling level hang together.
@@ -32,15 +48,20 @@ class Surface:
     def face_count(self) -> int:
         return len(self.twin) // 3
 
-    def patches(self, patch_size: int) -> NDArray[np.int32]:
+    def patches(self, patch_size: int, reading: Reading = PAPER) -> NDArray[np.int32]:
         """F x K int32 of face + 1; see `grow_patches`."""
-        return grow_patches(sort_adjacency(self.twin, self.lengths), patch_size)
+        patches = grow_patches(sort_adjacency(self.twin, self.lengths), patch_size)
+        return np.where(patches == 0, patches[:, :1], patches) if reading.self_padding else patches
 
-    def pool(self, features: NDArray, target: int) -> tuple["Surface", NDArray[np.int32]]:
+    def pool(
+        self, features: NDArray, target: int, reading: Reading = PAPER
+    ) -> tuple["Surface", NDArray[np.int32]]:
         """Collapse to `target` faces by the features (F x C) that enter this pooling.
 
         Returns the pooled surface and its index, F' x W int32 of face + 1; see `pool_faces`.
         This is the seam between the two readings of equation 5: the caller says which features.
         """
-        kept, twin, index = pool_faces(self.twin, features, target)
+        kept, twin, index = pool_faces(
+            self.twin, features, target, reading.squared_norm, reading.survivor
+        )
         return Surface(twin, self.lengths.reshape(-1, 3)[kept].reshape(-1)), index

@@ -20,7 +20,7 @@ def test_folding_changes_nothing_but_the_layers(convolutions: int) -> None:
     network = untrained(config)
     before = {name: value.clone() for name, value in network.state_dict().items()}
     batch = collate([mesh_inputs(mesh, config) for mesh in (torus(), sheet())])
-    inputs = as_tensors(batch, config.levels)
+    inputs = as_tensors(batch)
 
     folded = fold_batch_norm(network)
 

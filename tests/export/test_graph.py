@@ -7,7 +7,15 @@ import onnx
 import pytest
 
 from export.metadata import PREFIX
-from export.onnx_file import OPSET
+from export.onnx_file import OPSET, export_model
+from export.operators import DOMAIN, VERSION
+from model.checkpoint import Checkpoint
+from model.config import NetworkConfig
+from model.inputs import input_names, mesh_inputs
+from tests.meshes import sheet, torus
+from tests.networks import untrained
+
+SMALL = {"channels": (8, 12, 16), "descriptor_hidden": 8, "descriptor_channels": 6}
 
 
 @pytest.fixture(scope="module")
@@ -40,6 +48,22 @@ def test_faces_batch_and_pooling_widths_are_symbolic(graph: onnx.ModelProto) -> 
     assert all(isinstance(axis, str) for shape in ragged for axis in shape)
     for level in (1, 2):
         assert axes[f"patches_{level}"][0] == axes[f"pools_{level - 1}"][0] != faces
+
+
+def test_learned_pooling_is_in_the_one_file_by_name(tmp_path: Path) -> None:
+    """So that another runtime can see what to supply."""
+    config = NetworkConfig(classes=("ball", "box"), pooling="learned", **SMALL)
+    meshes = {"torus": mesh_inputs(torus(), config), "sheet": mesh_inputs(sheet(), config)}
+    path = tmp_path / "learned.onnx"
+    export_model(Checkpoint(untrained(config)), path, "learned", meshes)
+    assert [file.name for file in tmp_path.iterdir()] == ["learned.onnx"]
+    graph = onnx.load(path)
+    assert {e.domain: e.version for e in graph.opset_import} == {"": OPSET, DOMAIN: VERSION}
+    nodes = [node for node in graph.graph.node if node.domain == DOMAIN]
+    assert [node.op_type for node in nodes] == ["GrowPatches", "PoolFaces"] * config.levels
+    targets = [a.i for node in nodes for a in node.attribute if a.name == "target"]
+    assert targets == list(config.targets)
+    assert [value.name for value in graph.graph.input] == input_names(config)
 
 
 def test_the_card_is_in_the_files_metadata(graph: onnx.ModelProto) -> None:

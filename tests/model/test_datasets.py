@@ -9,6 +9,7 @@ import pytest
 from model.datasets import DatasetError, class_names, find_samples, list_samples, load_samples
 from model.mesh import Mesh
 from tests.meshes import cube, icosphere, torus
+from tests.networks import topology_of
 
 
 def write_off(path: Path, mesh: Mesh) -> None:
@@ -136,8 +137,8 @@ def test_samples_are_prepared_and_bad_files_counted(folders, config, caplog):
     assert [mesh.label for mesh in loaded.meshes] == [0, 0, 1, 1, 2, 2]
     for mesh in loaded.meshes:
         assert len(mesh.mesh.faces) in (499, 500)
-        assert len(mesh.twin) == 3 * len(mesh.mesh.faces)
-        assert mesh.inputs.topology.face_counts[0] == len(mesh.mesh.faces)
+        assert len(mesh.inputs.surface.twin) == 3 * len(mesh.mesh.faces)
+        assert topology_of(mesh.inputs).face_counts[0] == len(mesh.mesh.faces)
         assert np.isfinite(mesh.inputs.terms).all()
 
 

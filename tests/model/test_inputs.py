@@ -6,6 +6,7 @@ import pytest
 from model.inputs import collate, input_names, mesh_inputs
 from model.mesh import Mesh
 from tests.meshes import cube, sheet, together, torus
+from tests.networks import topology_of
 
 MESHES = [torus(), cube(), Mesh(np.eye(3), [[0, 1, 2]]), sheet(9, 7), together(cube(), sheet(3, 3))]
 
@@ -13,20 +14,20 @@ MESHES = [torus(), cube(), Mesh(np.eye(3), [[0, 1, 2]]), sheet(9, 7), together(c
 def test_one_mesh_is_its_own_batch(config):
     inputs = mesh_inputs(torus(), config)
     arrays = collate([inputs])
-    assert list(arrays) == input_names(3)
+    assert list(arrays) == input_names(config)
     assert arrays["terms"].shape == (500, 21)
     assert (arrays["terms"].reshape(500, 7, 3) == inputs.terms).all()
     for level in range(3):
-        assert (arrays[f"patches_{level}"] == inputs.topology.patches[level]).all()
-        assert (arrays[f"pools_{level}"] == inputs.topology.pools[level]).all()
-    last = inputs.topology.face_counts[-1]
+        assert (arrays[f"patches_{level}"] == topology_of(inputs).patches[level]).all()
+        assert (arrays[f"pools_{level}"] == topology_of(inputs).pools[level]).all()
+    last = topology_of(inputs).face_counts[-1]
     assert arrays["readout"].tolist() == [list(range(1, last + 1))]
 
 
 def test_a_batch_is_its_meshes_one_after_the_other(config):
     batch = [mesh_inputs(mesh, config) for mesh in MESHES]
     arrays = collate(batch)
-    counts = np.array([inputs.topology.face_counts for inputs in batch])
+    counts = np.array([topology_of(inputs).face_counts for inputs in batch])
     starts = np.cumsum(counts, axis=0) - counts
 
     def check(name, table_level, parts):
@@ -42,8 +43,8 @@ def test_a_batch_is_its_meshes_one_after_the_other(config):
         assert arrays[name].dtype == np.int32
 
     for level in range(3):
-        check(f"patches_{level}", level, [b.topology.patches[level] for b in batch])
-        check(f"pools_{level}", level, [b.topology.pools[level] for b in batch])
+        check(f"patches_{level}", level, [topology_of(b).patches[level] for b in batch])
+        check(f"pools_{level}", level, [topology_of(b).pools[level] for b in batch])
     check("readout", 3, [np.arange(1, last + 1)[None] for last in counts[:, 3]])
     terms = np.concatenate([inputs.terms.reshape(-1, 21) for inputs in batch])
     assert (arrays["terms"] == terms).all()
@@ -53,5 +54,5 @@ def test_a_batch_is_its_meshes_one_after_the_other(config):
 def test_inputs_follow_the_configuration(config, mesh):
     inputs = mesh_inputs(mesh, config)
     assert inputs.terms.shape == (len(mesh.faces), 7, 3)
-    assert inputs.topology.face_counts[0] == len(mesh.faces)
-    assert all(patches.shape[1] == config.patch_size for patches in inputs.topology.patches)
+    assert topology_of(inputs).face_counts[0] == len(mesh.faces)
+    assert all(patches.shape[1] == config.patch_size for patches in topology_of(inputs).patches)

@@ -14,7 +14,7 @@ from model.network import Network, as_tensors
 from model.preparation import prepare
 from model.variation import subdivided
 from tests.meshes import cube, moebius, sheet, together, torus
-from tests.networks import untrained
+from tests.networks import topology_of, untrained
 
 
 def close(expected: np.ndarray):
@@ -24,7 +24,7 @@ def close(expected: np.ndarray):
 
 def run(network: Network, batch: list[MeshInputs]) -> tuple[np.ndarray, np.ndarray]:
     with torch.inference_mode():
-        scores, evidence = network(*as_tensors(collate(batch), network.config.levels))
+        scores, evidence = network(*as_tensors(collate(batch)))
     return scores.numpy(), evidence.numpy()
 
 
@@ -147,7 +147,7 @@ def test_scores_are_the_bias_plus_the_mean_of_the_evidence(config, mesh):
     network = untrained(config)
     inputs = mesh_inputs(mesh, config)
     scores, evidence = run(network, [inputs])
-    assert evidence.shape == (inputs.topology.face_counts[-1], 3)
+    assert evidence.shape == (topology_of(inputs).face_counts[-1], 3)
     bias = network.classify.bias.detach().numpy()
     assert scores[0] == close(bias + evidence.mean(axis=0))
 

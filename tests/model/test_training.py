@@ -13,7 +13,6 @@ from model.datasets import LabelledMesh, LoadedSamples
 from model.evaluation import accuracy, predict
 from model.inputs import collate, mesh_inputs
 from model.preparation import prepare
-from model.topology import Surface
 from model.training import LOG_FILE, RESUME_FILE, Trainer, TrainingConfig
 from tests.meshes import cube, icosphere, torus
 
@@ -43,8 +42,7 @@ def shapes() -> list[list[LabelledMesh]]:
             squeezed = shape.vertices * rng.uniform(0.8, 1.2, 3)
             dented = squeezed + rng.normal(0, 0.02, squeezed.shape)
             mesh, _ = prepare(shape.moved(dented), CONFIG.face_budget)
-            twin = Surface.of(mesh).twin
-            meshes.append([LabelledMesh(mesh, twin, mesh_inputs(mesh, CONFIG), label)])
+            meshes.append([LabelledMesh(mesh, mesh_inputs(mesh, CONFIG), label)])
     return meshes
 
 
@@ -213,7 +211,7 @@ def test_refused_files_count_as_wrong(shapes, uninterrupted):
 def test_an_epoch_draws_one_version_of_every_mesh(shapes, tmp_path, monkeypatch):
     """A mesh and its copy, told apart by their face counts."""
     copy = prepare(cube(), 500)[0]
-    other = LabelledMesh(copy, Surface.of(copy).twin, mesh_inputs(copy, CONFIG), 0)
+    other = LabelledMesh(copy, mesh_inputs(copy, CONFIG), 0)
     drawn = []
     monkeypatch.setattr(
         "model.training.collate",

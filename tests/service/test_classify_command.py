@@ -85,7 +85,7 @@ def test_standard_input_that_is_not_what_it_is_declared_as(meshes: Path) -> None
         (["{empty}"], {}, "no mesh files under {empty}"),
         (["{good}", "--model", "nothing"], {}, "no model 'nothing'"),
         (["{good}"], {"MESHCONV3D_MODEL": "nothing"}, "no model 'nothing'"),
-        (["{good}", "--model", "{good}"], {}, "{good} is damaged or is no ONNX model"),
+        (["{good}", "--model", "{good}"], {}, "{good}: the file is damaged or is no ONNX model"),
         (["{good}", "--top", "0"], {}, "--top"),
         (["{good}", "--format", "stl"], {}, "--format is for standard input"),
         (["{good}"], {"MESHCONV3D_PORT": "eighty"}, "bad setting: port"),

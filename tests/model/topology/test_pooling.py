@@ -65,7 +65,9 @@ def merge_corners(faces: dict[int, tuple], centre: int) -> dict[int, tuple]:
     return {f: merged[f] for pile in lying.values() if len(pile) == 1 for f in pile}
 
 
-def pool_by_the_paper(faces: dict[int, tuple], features, target) -> tuple[dict, dict]:
+def pool_by_the_paper(
+    faces: dict[int, tuple], features, target, squared=True, survivor=True
+) -> tuple[dict, dict]:
     """Steps 1 to 6, one face after the other.
 
     Returns {survivor: the faces whose mean it becomes} and {survivor: its neighbours}.
@@ -74,7 +76,10 @@ def pool_by_the_paper(faces: dict[int, tuple], features, target) -> tuple[dict, 
     while len(faces) > target:
         near = neighbours_by_dictionary(faces)
         mean = {f: np.mean([features[m] for m in members[f]], axis=0) for f in faces}
-        weight = {f: sum(np.sum((mean[f] - mean[n]) ** 2) for n in near[f]) for f in faces}
+        power = 2 if squared else 1
+        weight = {
+            f: sum(np.linalg.norm(mean[f] - mean[n]) ** power for n in near[f]) for f in faces
+        }
         marked: set[int] = set()
         left, gathered = faces, {f: set(members[f]) for f in faces}
         for f in sorted(faces, key=lambda f: (weight[f], f)):
@@ -89,9 +94,11 @@ def pool_by_the_paper(faces: dict[int, tuple], features, target) -> tuple[dict, 
                 continue
             before, after = neighbours_by_dictionary(left), neighbours_by_dictionary(trial)
             marked |= region | {g for g in left if before[g] != after.get(g)}
-            for survivor in region - gone:
-                for n in near[survivor] & gone:
-                    gathered[survivor] |= members[n]
+            for g in region - gone:
+                if not survivor:
+                    gathered[g] = set()
+                for n in near[g] & gone:
+                    gathered[g] |= members[n]
             left = trial
         if left is faces:
             break
@@ -99,10 +106,10 @@ def pool_by_the_paper(faces: dict[int, tuple], features, target) -> tuple[dict, 
     return {f: members[f] for f in faces}, neighbours_by_dictionary(faces)
 
 
-def pool_by_kernel(faces, features, target) -> tuple[dict, dict]:
+def pool_by_kernel(faces, features, target, squared=True, survivor=True) -> tuple[dict, dict]:
     """The same two dictionaries from the half-edge kernel."""
     twin, _, _ = find_twins(faces, int(faces.max()) + 1)
-    kept, twin, index = pool_faces(twin, features, target)
+    kept, twin, index = pool_faces(twin, features, target, squared, survivor)
     members, near = {}, {}
     for row, f in enumerate(kept.tolist()):
         members[f] = {m - 1 for m in index[row].tolist() if m}
@@ -110,17 +117,27 @@ def pool_by_kernel(faces, features, target) -> tuple[dict, dict]:
     return members, near
 
 
-@given(triangles(kinds=("fine",), most=240), st.integers(0, 2**32 - 1), st.floats(0.4, 1))
-def test_pooling_is_the_papers_selection_and_merges_corners(surface, seed, share):
+@given(
+    triangles(kinds=("fine",), most=240),
+    st.integers(0, 2**32 - 1),
+    st.floats(0.4, 1),
+    st.booleans(),
+    st.booleans(),
+)
+def test_pooling_is_the_papers_selection_and_merges_corners(
+    surface, seed, share, squared, survivor
+):
     faces = surface.faces
     features = np.random.default_rng(seed).random((len(faces), 3))
     target = round(share * len(faces))
     try:
-        expected = pool_by_the_paper(dict(enumerate(faces.tolist())), features, target)
+        expected = pool_by_the_paper(
+            dict(enumerate(faces.tolist())), features, target, squared, survivor
+        )
     except NotSimple:
         assume(False)
         raise
-    assert pool_by_kernel(faces, features, target) == expected
+    assert pool_by_kernel(faces, features, target, squared, survivor) == expected
 
 
 def test_the_first_face_to_collapse_is_most_like_the_neighbours_it_has():
@@ -135,7 +152,7 @@ def test_the_first_face_to_collapse_is_most_like_the_neighbours_it_has():
             np.mean([np.sum((features[f] - features[n]) ** 2) for n in near[f]])
             for f in range(len(faces))
         ]
-        kept, _, _ = pool_faces(twin, features, len(faces) - 1)
+        kept, _, _ = pool_faces(twin, features, len(faces) - 1, True, True)
         lightest = int(np.argmin(weights))
         at_border.add(len(near[lightest]) < 3)
         assert {*range(len(faces))} - {*kept} >= {lightest, *near[lightest]}

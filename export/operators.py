@@ -1,0 +1,52 @@
+"""The operators of a graph with learned pooling, and our kernels for them under onnxruntime.
+
+Such a graph asks between its layers which faces to gather. It does so by two operators, GrowPatches
+and PoolFaces, whose inputs, outputs and attributes are those of `model.topology.operators`. That
+package has the kernels; onnxruntime-extensions lets onnxruntime call them. Another runtime can
+supply its own. The extension is loaded only for a file that needs it.
+"""
+
+import functools
+from types import ModuleType
+
+from export.metadata import ModelFileError
+
+# The one domain under which onnxruntime-extensions takes operators written in Python.
+DOMAIN = "ai.onnx.contrib"
+VERSION = 1
+
+
+def operator_library() -> str:
+    """The library to register with a session. Raises ModelFileError where there is none."""
+    return _extension().get_library_path()
+
+
+@functools.cache
+def _extension() -> ModuleType:
+    """onnxruntime-extensions, with our kernels declared to it: once in a process."""
+    try:
+        import onnxruntime_extensions as extension
+    except ImportError:
+        raise ModelFileError(
+            "learned pooling needs onnxruntime-extensions, which comes with an extra: "
+            "pip install '.[learned]' in a clone of meshconv3d"
+        ) from None
+    # An exception in a kernel would end the process. These raise none: the topology stage takes
+    # any surface, and its inputs come from our own code.
+    from model.topology import operators as kernels
+
+    kind = extension.PyCustomOpDef
+    real, whole, precise = kind.dt_float, kind.dt_int32, kind.dt_double
+    extension.onnx_op(
+        op_type="GrowPatches",
+        inputs=[whole, precise],
+        outputs=[whole],
+        attrs=dict.fromkeys(("patch_size", "self_padding"), kind.dt_int64),
+    )(kernels.grow_patches)
+    extension.onnx_op(
+        op_type="PoolFaces",
+        inputs=[real, whole, precise, whole],
+        outputs=[whole, whole, precise, whole],
+        attrs=dict.fromkeys(("target", "squared_norm", "survivor"), kind.dt_int64),
+    )(kernels.pool_faces)
+    return extension

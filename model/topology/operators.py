@@ -1,0 +1,44 @@
+"""The topology stage as two functions on plain arrays: the kernels of the graph's operators.
+
+Learned pooling needs the topology between the layers of the network. These are what torch
+(`model.operators`) and onnxruntime (`export.operators`) call there; a runtime of another kind can
+supply its own. Attributes are whole numbers, as ONNX has them.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.topology.ragged import SurfaceBatch
+from model.topology.surface import Reading, Surface
+
+
+def grow_patches(
+    twin: NDArray[np.int32], lengths: NDArray[np.float64], *, patch_size: int, self_padding: int
+) -> NDArray[np.int32]:
+    """Patches of every face of a batch, N x K int32 of face + 1.
+
+    twin, 3 N; lengths, 3 N: see `Surface`; twins count the half-edges of the whole batch.
+    """
+    reading = Reading(self_padding=bool(self_padding))
+    return Surface(twin, lengths).patches(patch_size, reading)
+
+
+def pool_faces(
+    features: NDArray[np.float32],
+    twin: NDArray[np.int32],
+    lengths: NDArray[np.float64],
+    starts: NDArray[np.int32],
+    *,
+    target: int,
+    squared_norm: int,
+    survivor: int,
+) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.float64], NDArray[np.int32]]:
+    """Collapse every mesh of a batch to `target` faces by features, N x C.
+
+    starts: B + 1, where each mesh's faces begin. Returns (index, twin, lengths, starts): the
+    pooling index, N' x W int32 of face + 1, and the pooled batch.
+    """
+    reading = Reading(squared_norm=bool(squared_norm), survivor=bool(survivor))
+    batch = SurfaceBatch(Surface(twin, lengths), starts)
+    pooled, index = batch.pool(features, target, reading)
+    return index, pooled.joint.twin, pooled.joint.lengths, pooled.starts

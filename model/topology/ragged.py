@@ -1,0 +1,73 @@
+"""The meshes of a batch one after the other, as many faces as each of them has.
+
+`starts`, B + 1 int32, says where: mesh i has the faces starts[i] to starts[i + 1] - 1 of the
+batch.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.topology.surface import Reading, Surface
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceBatch:
+    """The surfaces of a batch at one pooling level, as one surface of many components.
+
+    joint: twins count the half-edges of the whole batch. starts: B + 1 int32.
+    """
+
+    joint: Surface
+    starts: NDArray[np.int32]
+
+    @classmethod
+    def of(cls, surfaces: Sequence[Surface]) -> "SurfaceBatch":
+        """The surfaces, joined in their order."""
+        starts = np.cumsum([0, *(surface.face_count for surface in surfaces)], dtype=np.int32)
+        twin = np.concatenate([surface.twin for surface in surfaces])
+        first = np.repeat(3 * starts[:-1], 3 * np.diff(starts))
+        twin = np.where(twin < 0, twin, twin + first)
+        return cls(Surface(twin, np.concatenate([s.lengths for s in surfaces])), starts)
+
+    def surfaces(self) -> list[Surface]:
+        """The surface of each mesh by itself."""
+        pieces = []
+        for start, end in zip(3 * self.starts[:-1], 3 * self.starts[1:], strict=True):
+            twin = self.joint.twin[start:end]
+            twin = np.where(twin < 0, twin, twin - start)
+            pieces.append(Surface(twin, self.joint.lengths[start:end]))
+        return pieces
+
+    def pool(
+        self, features: NDArray, target: int, reading: Reading
+    ) -> tuple["SurfaceBatch", NDArray[np.int32]]:
+        """Collapse every mesh to `target` faces by the features (N x C) that enter this pooling.
+
+        Returns the pooled batch and its index into the rows of this one, N' x W int32.
+        """
+        pooled, indices = [], []
+        for i, surface in enumerate(self.surfaces()):
+            own = features[self.starts[i] : self.starts[i + 1]]
+            smaller, index = surface.pool(own, target, reading)
+            pooled.append(smaller)
+            indices.append(index)
+        return SurfaceBatch.of(pooled), join_indices(indices, self.starts[:-1])
+
+
+def join_indices(
+    indices: Sequence[NDArray[np.int32]], starts: Sequence[int] | NDArray
+) -> NDArray[np.int32]:
+    """Concatenate null-padded indices of any widths over tables that begin at `starts`."""
+    if len(indices) == 1:
+        return indices[0]
+    width = max(index.shape[1] for index in indices)
+    joined = np.zeros((sum(map(len, indices)), width), np.int32)
+    row = 0
+    for index, start in zip(indices, starts, strict=True):
+        block = joined[row : row + len(index), : index.shape[1]]
+        np.add(index, np.int32(start), out=block, where=index > 0)
+        row += len(index)
+    return joined

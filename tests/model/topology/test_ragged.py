@@ -1,0 +1,68 @@
+"""A batch of surfaces is its surfaces: joined, taken apart, and pooled."""
+
+import numpy as np
+import pytest
+
+from model.topology.operators import grow_patches, pool_faces
+from model.topology.ragged import SurfaceBatch, join_indices
+from model.topology.surface import PAPER, Reading, Surface
+from tests.meshes import cube, icosphere, sheet, torus
+
+SURFACES = [Surface.of(mesh) for mesh in (torus(12, 6), sheet(), cube(), icosphere(2))]
+STARTS = np.cumsum([0, *(s.face_count for s in SURFACES)])
+
+
+def features_of(seed: int = 0) -> np.ndarray:
+    return np.random.default_rng(seed).normal(size=(STARTS[-1], 5)).astype(np.float32)
+
+
+def test_what_was_joined_comes_apart_again() -> None:
+    for before, after in zip(SURFACES, SurfaceBatch.of(SURFACES).surfaces(), strict=True):
+        assert (before.twin == after.twin).all()
+        assert (before.lengths == after.lengths).all()
+
+
+def test_no_twin_crosses_from_mesh_to_mesh() -> None:
+    joint = SurfaceBatch.of(SURFACES).joint
+    paired = np.flatnonzero(joint.twin >= 0)
+    assert (joint.twin[joint.twin[paired]] == paired).all()
+    owner = np.searchsorted(3 * STARTS, paired, side="right")
+    assert (owner == np.searchsorted(3 * STARTS, joint.twin[paired], side="right")).all()
+
+
+@pytest.mark.parametrize("target", [3, 40, 10_000])
+@pytest.mark.parametrize("reading", [PAPER, Reading(squared_norm=False, survivor=False)])
+def test_a_batch_pools_each_mesh_as_alone(target: int, reading: Reading) -> None:
+    features = features_of()
+    index, twin, lengths, starts = pool_faces(
+        features,
+        SurfaceBatch.of(SURFACES).joint.twin,
+        SurfaceBatch.of(SURFACES).joint.lengths,
+        STARTS.astype(np.int32),
+        target=target,
+        squared_norm=int(reading.squared_norm),
+        survivor=int(reading.survivor),
+    )
+    alone = [
+        surface.pool(features[start:end], target, reading)
+        for surface, start, end in zip(SURFACES, STARTS[:-1], STARTS[1:], strict=True)
+    ]
+    assert starts.tolist() == np.cumsum([0, *(s.face_count for s, _ in alone)]).tolist()
+    assert (index == join_indices([i for _, i in alone], STARTS[:-1])).all()
+    pooled = SurfaceBatch(Surface(twin, lengths), starts).surfaces()
+    for (expected, _), found in zip(alone, pooled, strict=True):
+        assert (expected.twin == found.twin).all()
+        assert (expected.lengths == found.lengths).all()
+
+
+@pytest.mark.parametrize("self_padding", [0, 1])
+def test_a_batch_grows_the_patches_of_each_mesh(self_padding: int) -> None:
+    joint = SurfaceBatch.of(SURFACES).joint
+    patches = grow_patches(joint.twin, joint.lengths, patch_size=14, self_padding=self_padding)
+    reading = Reading(self_padding=bool(self_padding))
+    alone = [surface.patches(14, reading) for surface in SURFACES]
+    assert (patches == join_indices(alone, STARTS[:-1])).all()
+    # The cube has twelve faces, so that two are missing.
+    of_cube = patches[STARTS[2] : STARTS[3]]
+    own = np.arange(STARTS[2], STARTS[3])[:, None] + 1
+    assert (of_cube[:, 12:] == (own if self_padding else 0)).all()
