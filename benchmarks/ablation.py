@@ -1,0 +1,127 @@
+"""What each open choice of the paper does: `python -m benchmarks.ablation DATA`.
+
+DATA is SHREC11. Every row changes one thing in the reference network and trains it on 7 meshes of
+each class, with the command's own protocol; 3 more are scored, as they are and as five varied
+copies of each (`model.variation`). All ten are the training part of a random split into 10 and
+10: the ten test meshes of each class take no part. Rows are kept in benchmarks/results/ as they
+arrive; a run that was interrupted goes on, and a finished one only prints its table.
+"""
+
+import argparse
+import json
+import logging
+import statistics
+import tempfile
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from model.config import NetworkConfig
+from model.datasets import LoadedSamples, class_names, find_samples, load_samples
+from model.evaluation import accuracy
+from model.inputs import mesh_inputs
+from model.splits import random_split
+from model.training import Trainer, TrainingConfig
+
+RESULTS = Path(__file__).parent / "results"
+TRAIN, VAL, VARIED = 7, 3, 5
+
+# By title, what differs from the defaults, in order of importance.
+ROWS: dict[str, dict[str, Any]] = {
+    "reference": {},
+    "learned pooling": {"pooling": "learned"},
+    "K = 4": {"patch_size": 4},
+    "K = 7": {"patch_size": 7},
+    "K = 16": {"patch_size": 16},
+    "absolute first term of eq. 1": {"absolute_offsets": True},
+    "plain norm in eq. 5": {"pooling_norm": "plain"},
+    "learned pooling, plain norm": {"pooling": "learned", "pooling_norm": "plain"},
+    "no survivor in the average": {"pooling_survivor": False},
+    "sum in eq. 4": {"patch_reduction": "sum"},
+    "self padding": {"patch_padding": "self"},
+    "K = 1": {"patch_size": 1},
+    "K = 24": {"patch_size": 24},
+}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("data", type=Path, help="folder laid out as CLASS/{train,test}/*.obj")
+    parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1, 2])
+    arguments = parser.parse_args()
+    # The order of additions, and with it the last digits of the weights, follows the threads.
+    torch.set_num_threads(1)
+    # Copies that variation has made unusable are expected.
+    logging.disable(logging.WARNING)
+
+    path = RESULTS / f"ablation_{arguments.data.name}.json"
+    done = json.loads(path.read_text()) if path.exists() else {}
+    for seed in arguments.seeds:
+        if all(str(seed) in done.get(title, {}) for title in ROWS):
+            continue
+        parts = load(arguments.data, seed)
+        for title, changes in ROWS.items():
+            if str(seed) in done.get(title, {}):
+                continue
+            config = replace(parts["config"], **changes)
+            done.setdefault(title, {})[str(seed)] = measure(config, parts, seed)
+            path.write_text(json.dumps(done, indent=2) + "\n")
+            print(f"seed {seed}: {title}: {done[title][str(seed)]}", flush=True)
+    show(done, arguments.seeds)
+
+
+def load(data: Path, seed: int) -> dict[str, Any]:
+    """The training part of one random split, prepared: what is trained on, what is held out."""
+    samples = random_split(find_samples(data), TRAIN, VAL, seed)
+    config = NetworkConfig(classes=class_names(samples))
+    training = TrainingConfig(seed=seed)
+    parts = {split: [s for s in samples if s.split == split] for split in ("train", "val")}
+    return {
+        "config": config,
+        "training": training,
+        "train": load_samples(parts["train"], config, copies=training.copies, seed=seed),
+        "val": load_samples(parts["val"], config, copies=VARIED, seed=seed),
+    }
+
+
+def measure(config: NetworkConfig, parts: dict[str, Any], seed: int) -> dict[str, float]:
+    """Train one network and score it on what was held out."""
+    started = time.perf_counter()
+    train, val = read_as(config, parts["train"]), read_as(config, parts["val"])
+    with tempfile.TemporaryDirectory() as folder:
+        trainer = Trainer(config, parts["training"], train.versions, Path(folder))
+        network = trainer.run(lambda record: None).network
+    copies = [[copy] for versions in val.versions for copy in versions[1:]]
+    return {
+        "as_found": round(accuracy(network, val), 5),
+        "varied": round(accuracy(network, LoadedSamples(copies, 0)), 5),
+        "minutes": round((time.perf_counter() - started) / 60, 1),
+    }
+
+
+def read_as(config: NetworkConfig, samples: LoadedSamples) -> LoadedSamples:
+    """The same meshes as another network reads them."""
+    versions = [
+        [replace(version, inputs=mesh_inputs(version.mesh, config)) for version in versions]
+        for versions in samples.versions
+    ]
+    return replace(samples, versions=versions)
+
+
+def show(done: dict[str, dict[str, dict[str, float]]], seeds: list[int]) -> None:
+    """Print the table: means over the seeds."""
+    print(f"validation accuracy, mean of {len(seeds)} random splits; minutes a run")
+    print(f"{'':32}  as found    varied  minutes")
+    for title in ROWS:
+        runs = [done[title][str(seed)] for seed in seeds]
+        found, varied, minutes = (
+            statistics.mean(run[name] for run in runs) for name in ("as_found", "varied", "minutes")
+        )
+        print(f"{title:32}  {found:8.2%}  {varied:8.2%}  {minutes:7.1f}")
+
+
+if __name__ == "__main__":
+    main()
