@@ -33,6 +33,7 @@ TRAIN, VAL, VARIED = 7, 3, 5
 ROWS: dict[str, dict[str, Any]] = {
     "reference": {},
     "learned pooling": {"pooling": "learned"},
+    "axes of the file": {"axes": "given"},
     "K = 4": {"patch_size": 4},
     "K = 7": {"patch_size": 7},
     "K = 16": {"patch_size": 16},

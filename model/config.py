@@ -40,6 +40,8 @@ class NetworkConfig:
     descriptor_hidden: Size = 128
     descriptor_channels: Size = 64
     """Widths of the two layers of each descriptor; ExMeshCNN's, from which they come."""
+    axes: Literal["principal", "given"] = "principal"
+    """Axes of the descriptors' 3-vectors: the mesh's own (`model.alignment`), or its file's."""
     absolute_offsets: bool = False
     """Take sum |v_i - c| for equation 1's first term, which as written is zero everywhere."""
     pooling: Literal["geometric", "learned"] = "geometric"

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from model.alignment import into_principal_axes
 from model.config import NetworkConfig
 from model.descriptors import descriptor_terms, pooling_features
 from model.mesh import Mesh
@@ -28,7 +29,10 @@ class MeshInputs:
 def mesh_inputs(mesh: Mesh, config: NetworkConfig) -> MeshInputs:
     """Descriptor terms and topology of a prepared mesh."""
     surface = Surface.of(mesh)
-    terms = descriptor_terms(mesh.vertices, mesh.faces, surface.twin, config.absolute_offsets)
+    vertices = mesh.vertices
+    if config.axes == "principal":
+        vertices = into_principal_axes(vertices, mesh.faces)
+    terms = descriptor_terms(vertices, mesh.faces, surface.twin, config.absolute_offsets)
     if config.pooling == "learned":
         return MeshInputs(terms, surface, None)
     topology = build_topology(

@@ -171,7 +171,7 @@ class Trainer:
         for batch in np.array_split(order[: self.batches * self.training.batch_size], self.batches):
             chosen = [self.versions[i][rng.integers(len(self.versions[i]))] for i in batch]
             inputs = [
-                self.training.augmentation.apply(mesh, self.network.config.absolute_offsets, rng)
+                self.training.augmentation.apply(mesh, self.network.config, rng)
                 for mesh in chosen
             ]
             yield collate(inputs), np.array([mesh.label for mesh in chosen], dtype=np.int64)
