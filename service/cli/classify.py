@@ -1,6 +1,5 @@
 """`meshconv3d classify`: files and folders in, a record for each file out."""
 
-import os
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
@@ -9,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from service.cli.shared import load_classifier
+from service.cli.terminal import readable, shown, with_progress
 
 if TYPE_CHECKING:
     from service.classifier import Classifier
@@ -54,7 +54,7 @@ def classify(
         failures = _print_lines(_classify_all(classifier, files, declared, top))
     else:
         records = _classify_all(classifier, files, declared, top or TABLE_TOP)
-        failures = _print_table(_with_progress(records, len(files)))
+        failures = _print_table(with_progress(records, len(files)))
     ctx.exit(1 if failures else 0)
 
 
@@ -86,14 +86,9 @@ def _classify_all(
     sources = ((sys.stdin.buffer.read(), declared) if file == STDIN else file for file in files)
     for file, result in zip(files, classifier.classify_many(sources), strict=True):
         if isinstance(result, Classification):
-            yield answer(_readable(file), result, top)
+            yield answer(readable(file), result, top)
         else:
-            yield refusal(_readable(file), result)
-
-
-def _readable(file: str) -> str:
-    """A file name as text; bytes that are no UTF-8, which JSON cannot hold, are replaced."""
-    return os.fsencode(file).decode(errors="replace")
+            yield refusal(readable(file), result)
 
 
 def _print_lines(records: "Iterable[Answer | Refusal]") -> int:
@@ -105,23 +100,6 @@ def _print_lines(records: "Iterable[Answer | Refusal]") -> int:
         click.echo(record.model_dump_json(by_alias=True))
         failures += isinstance(record, Refusal)
     return failures
-
-
-def _with_progress(
-    records: "Iterable[Answer | Refusal]", total: int
-) -> "Iterator[Answer | Refusal]":
-    from rich.console import Console
-    from rich.progress import track
-
-    console = Console(stderr=True)
-    yield from track(
-        records,
-        "Classifying",
-        total,
-        console=console,
-        transient=True,
-        disable=total == 1 or not console.is_terminal,
-    )
 
 
 def _print_table(records: "Iterable[Answer | Refusal]") -> int:
@@ -139,33 +117,26 @@ def _print_table(records: "Iterable[Answer | Refusal]") -> int:
     table.add_column("Faces", no_wrap=True)
     refused: list[Refusal] = []
     for record in records:
-        name = _shown(record.file or "")
+        name = shown(record.file or "")
         if isinstance(record, Refusal):
             refused.append(record)
-            table.add_row(name, f"[red]{_shown(record.error.fault)}[/red]")
+            table.add_row(name, f"[red]{shown(record.error.fault)}[/red]")
             continue
         table.add_row(
             name,
-            f"[bold]{_shown(record.class_)}[/bold]",
+            f"[bold]{shown(record.class_)}[/bold]",
             f"{record.probability:.1%}",
             ", ".join(
-                f"{_shown(score.class_)} {score.probability:.1%}" for score in record.scores[1:]
+                f"{shown(score.class_)} {score.probability:.1%}" for score in record.scores[1:]
             ),
             _faces(record.mesh.faces_in, record.mesh.faces_used),
         )
     console = Console(highlight=False)
     console.print(table)
     for record in refused:  # below: a sentence in a column would squeeze all others
-        line = f"{_shown(record.file or '')}: {_shown(record.error.message)}"
+        line = f"{shown(record.file or '')}: {shown(record.error.message)}"
         console.print(f"[red]{line}[/red]", soft_wrap=True)
     return len(refused)
-
-
-def _shown(text: str) -> str:
-    """Text as it is, for rich: no markup, and nothing in it commands the terminal."""
-    from rich.markup import escape
-
-    return escape("".join(char if char.isprintable() else "\ufffd" for char in text))
 
 
 def _faces(faces_in: int, faces_used: int) -> str:

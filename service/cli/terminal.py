@@ -1,0 +1,35 @@
+"""What commands do alike at a terminal: names that are safe to print, and a progress bar."""
+
+import os
+from collections.abc import Iterable, Iterator
+from typing import TypeVar
+
+Item = TypeVar("Item")
+
+
+def readable(file: str) -> str:
+    """A file name as text; bytes that are no UTF-8, which JSON cannot hold, are replaced."""
+    return os.fsencode(file).decode(errors="replace")
+
+
+def shown(text: str) -> str:
+    """Text as it is, for rich: no markup, and nothing in it commands the terminal."""
+    from rich.markup import escape
+
+    return escape("".join(char if char.isprintable() else "\ufffd" for char in text))
+
+
+def with_progress(items: Iterable[Item], total: int) -> Iterator[Item]:
+    """The items as they come, under a bar on stderr; no bar for one, or without a terminal."""
+    from rich.console import Console
+    from rich.progress import track
+
+    console = Console(stderr=True)
+    yield from track(
+        items,
+        "Classifying",
+        total,
+        console=console,
+        transient=True,
+        disable=total == 1 or not console.is_terminal,
+    )
