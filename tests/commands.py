@@ -1,12 +1,18 @@
 """The installed `meshconv3d` as a program of its own."""
 
+import fcntl
 import os
+import pty
+import re
+import struct
 import subprocess
 import sys
+import termios
 from collections.abc import Mapping
 from pathlib import Path
 
 PROGRAM = str(Path(sys.executable).with_name("meshconv3d"))
+WIDTH = 80
 
 
 def environment(**changes: str) -> dict[str, str]:
@@ -26,6 +32,21 @@ def meshconv3d(
     return subprocess.CompletedProcess(
         command, done.returncode, done.stdout.decode(), done.stderr.decode()
     )
+
+
+def at_a_terminal(*arguments: object, cwd: Path) -> tuple[int, list[str]]:
+    """Exit code and what stands on a terminal of 80 columns, without its control codes."""
+    master, slave = pty.openpty()
+    fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", 24, WIDTH, 0, 0))
+    command = [PROGRAM, *map(str, arguments)]
+    process = subprocess.Popen(
+        command, stdin=slave, stdout=slave, stderr=subprocess.DEVNULL, env=environment(), cwd=cwd
+    )
+    os.close(slave)
+    output = read_terminal(master)
+    assert not re.search(rb"\x1b\[[0-9;?]*[^0-9;?m]", output)  # colours, and nothing else
+    shown = re.sub(r"\x1b\[[0-9;]*m", "", output.decode())
+    return process.wait(60), [line.rstrip() for line in shown.splitlines()]
 
 
 def read_terminal(master: int) -> bytes:

@@ -1,32 +1,9 @@
 """`meshconv3d classify` at a terminal: a table that fits it."""
 
-import fcntl
-import os
-import pty
 import re
-import struct
-import subprocess
-import termios
 from pathlib import Path
 
-from tests.commands import PROGRAM, environment, read_terminal
-
-WIDTH = 80
-
-
-def at_a_terminal(*arguments: object, cwd: Path) -> tuple[int, list[str]]:
-    """Exit code and what stands on a terminal of 80 columns, without its control codes."""
-    master, slave = pty.openpty()
-    fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", 24, WIDTH, 0, 0))
-    command = [PROGRAM, *map(str, arguments)]
-    process = subprocess.Popen(
-        command, stdin=slave, stdout=slave, stderr=subprocess.DEVNULL, env=environment(), cwd=cwd
-    )
-    os.close(slave)
-    output = read_terminal(master)
-    assert not re.search(rb"\x1b\[[0-9;?]*[^0-9;?m]", output)  # colours, and nothing else
-    shown = re.sub(r"\x1b\[[0-9;]*m", "", output.decode())
-    return process.wait(60), [line.rstrip() for line in shown.splitlines()]
+from tests.commands import WIDTH, at_a_terminal
 
 
 def test_a_table_with_reasons_below(model_file: Path, meshes: Path) -> None:
