@@ -66,7 +66,9 @@ def test_serving_loads_neither_torch_nor_onnx() -> None:
     assert packages.isdisjoint({"torch", "onnx", "onnxscript", "safetensors", "matplotlib"})
 
 
-@pytest.mark.parametrize("arguments", [["--version"], ["--help"], ["classify", "--help"]])
+@pytest.mark.parametrize(
+    "arguments", [["--version"], ["--help"], ["classify", "--help"], ["evaluate", "--help"]]
+)
 def test_short_answers_wait_for_no_heavy_import(arguments: list[str]) -> None:
     program = f"""
 import sys

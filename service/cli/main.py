@@ -16,6 +16,7 @@ import click
 # name -> (module:function, one line of help)
 COMMANDS = {
     "classify": ("service.cli.classify:classify", "Say what the meshes in files and folders are."),
+    "evaluate": ("service.cli.evaluate:evaluate", "Measure how good a model is."),
     "serve": ("service.cli.serve:serve", "Answer over HTTP."),
     "inspect": ("service.cli.inspect:inspect", "Show a model's card."),
     "train": ("model.cli:train", "Train a network on a folder of labelled meshes."),

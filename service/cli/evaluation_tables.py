@@ -1,0 +1,97 @@
+"""An evaluation as tables for people."""
+
+from collections.abc import Iterable, Iterator, Sequence
+
+from rich.console import Console
+from rich.table import Table
+
+from service.cli.terminal import readable, shown
+from service.evaluation import Outcome
+from service.evaluation_report import ClassFigures, Report, Timing
+from service.records import Reason
+
+
+def print_evaluation(report: Report, outcomes: Sequence[Outcome]) -> None:
+    """The report, and below it why files were refused."""
+    console = Console(highlight=False)
+    console.print(_figures(report))
+    if report.timing:
+        console.print("", _timing(report.timing), sep="\n")
+    console.print("", _classes(report.classes), sep="\n")
+    for line in _refusals(outcomes):
+        console.print(f"[red]{line}[/red]", soft_wrap=True)
+
+
+def _figures(report: Report) -> Table:
+    right = sum(row[i] for i, row in enumerate(report.confusion))
+    reasons = ", ".join(f"{fault} {count}" for fault, count in report.reasons.items())
+    calibration = (
+        "mean over files of |accuracy - confidence| in the file's bin, "
+        f"one of {report.calibration_bins} of equal width"
+    )
+    table = Table(box=None, pad_edge=False, show_header=False)
+    table.add_column(no_wrap=True)
+    table.add_column(justify="right", style="bold", no_wrap=True)
+    table.add_column()
+    table.add_row("Accuracy", _share(report.accuracy), f"{right} of {report.files} files")
+    if report.top5_accuracy is not None:
+        table.add_row("Top-5 accuracy", _share(report.top5_accuracy))
+    table.add_row("Balanced accuracy", _share(report.balanced_accuracy), "mean recall of classes")
+    table.add_row("Refused", f"{report.refused}", reasons)
+    table.add_row("Calibration error", _number(report.calibration_error), calibration)
+    table.add_row(
+        "Negative log-likelihood",
+        _number(report.negative_log_likelihood),
+        "mean of -ln(probability of the true class)",
+    )
+    if report.timing:
+        table.add_row("Files per second", f"{report.timing.files_per_second:.1f}")
+    return table
+
+
+def _timing(timing: Timing) -> Table:
+    table = _table("Stage", "Median", "95 % within")
+    for stage, spread in timing.stages_ms.items():
+        table.add_row(stage, f"{spread.median:.2f} ms", f"{spread.p95:.2f} ms")
+    return table
+
+
+def _classes(classes: Iterable[ClassFigures]) -> Table:
+    """Those that have files."""
+    table = _table("Class", "Meshes", "Refused", "Recall", "Precision")
+    table.add_column("Mostly mistaken for", overflow="fold")
+    for figures in classes:
+        if figures.files:
+            mistake = figures.mistaken_for
+            table.add_row(
+                shown(figures.class_),
+                f"{figures.files}",
+                f"{figures.refused}",
+                _share(figures.recall),
+                _share(figures.precision),
+                f"{shown(mistake.class_)} {mistake.files}" if mistake else "",
+            )
+    return table
+
+
+def _refusals(outcomes: Iterable[Outcome]) -> Iterator[str]:
+    for outcome in outcomes:
+        if isinstance(outcome.result, Reason):
+            file = readable(str(outcome.sample.path))
+            yield f"{shown(file)}: {shown(outcome.result.message)}"
+
+
+def _table(name: str, *numbers: str) -> Table:
+    table = Table(box=None, pad_edge=False)
+    table.add_column(name, overflow="fold")
+    for heading in numbers:
+        table.add_column(heading, justify="right", no_wrap=True)
+    return table
+
+
+def _share(value: float | None) -> str:
+    return "-" if value is None else f"{value:.1%}"
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.3f}"
