@@ -10,13 +10,14 @@ from typing import Annotated, Any
 from pydantic import ConfigDict, Field, TypeAdapter, ValidationError, model_validator
 from pydantic.dataclasses import dataclass
 
+from model.calibration import Calibration
 from model.config import NetworkConfig
 
 PREFIX = "meshconv3d."
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 NORMALISATION = "surface centroid at the origin, farthest vertex on the unit sphere"
 
-Version = Annotated[int, Field(ge=1, le=FORMAT_VERSION)]
+Version = Annotated[int, Field(ge=FORMAT_VERSION, le=FORMAT_VERSION)]
 
 
 class ModelFileError(ValueError):
@@ -37,7 +38,8 @@ class ModelCard:
 
     config: the network, its topology and its classes. opset: of the graph. training: data,
     protocol and seed. accuracy: figures with their protocol. parity: largest relative difference
-    to torch of each output, and on what. probe: by which whoever runs the model can test it.
+    to torch of each output, and on what. calibration: None if it was trained without validation
+    meshes. probe: by which whoever runs the model can test it.
     """
 
     name: str
@@ -46,6 +48,7 @@ class ModelCard:
     training: dict[str, Any]
     accuracy: dict[str, Any]
     parity: dict[str, Any]
+    calibration: Calibration | None
     probe: Probe
     format_version: Version = FORMAT_VERSION
 
@@ -84,11 +87,12 @@ def read_card(properties: Mapping[str, str]) -> ModelCard:
             for name, value in properties.items()
             if name.startswith(PREFIX)
         }
-        if isinstance(version := values["format_version"], int) and version > FORMAT_VERSION:
-            # Before all else: what a newer version wrote need not look damaged to this one.
+        if isinstance(version := values["format_version"], int) and version != FORMAT_VERSION:
+            # Before all else: what another version wrote need not look damaged to this one.
+            remedy = "upgrade meshconv3d" if version > FORMAT_VERSION else "export it again"
             raise ModelFileError(
-                f"the model file has format {version}, this version reads up to "
-                f"{FORMAT_VERSION}: upgrade meshconv3d"
+                f"the model file has format {version}, this version reads {FORMAT_VERSION}: "
+                f"{remedy}"
             )
         preparation = values.pop("preparation", "missing: preparation")
         card = TypeAdapter(ModelCard).validate_python(values)

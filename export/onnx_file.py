@@ -39,6 +39,7 @@ def export_model(
         opset=OPSET,
         training=training,
         accuracy=training.pop("accuracy", {}),
+        calibration=checkpoint.calibration,
         parity=check_parity(graph.SerializeToString(), checkpoint.network, list(meshes.values())),
         probe=probe(checkpoint.network, *next(iter(meshes.items()))),
     )
@@ -52,7 +53,7 @@ def export_model(
 def probe(network: Network, sample: str, inputs: MeshInputs) -> Probe:
     """A sample mesh with its scores, by which a runtime can test itself."""
     with torch.inference_mode():
-        scores, _ = network.eval()(*as_tensors(collate([inputs])))
+        scores = network.eval()(*as_tensors(collate([inputs]))).scores
     return Probe(sample, tuple(round(score, 5) for score in scores[0].tolist()))
 
 

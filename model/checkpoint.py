@@ -7,13 +7,18 @@ from pathlib import Path
 from typing import Any
 
 import torch
+from pydantic import TypeAdapter
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 
+from model.calibration import Calibration
 from model.config import NetworkConfig
 from model.network import Network
 
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
+
+
+_CALIBRATION = TypeAdapter(Calibration | None)
 
 
 class CheckpointError(ValueError):
@@ -22,9 +27,13 @@ class CheckpointError(ValueError):
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """A network with what is known of its training: data, protocol, accuracy, seeds."""
+    """A network with what is known of its training: data, protocol, accuracy, seeds.
+
+    calibration: None if it was trained without validation meshes.
+    """
 
     network: Network
+    calibration: Calibration | None = None
     training: dict[str, Any] = field(default_factory=dict)
 
 
@@ -33,6 +42,7 @@ def save_checkpoint(checkpoint: Checkpoint, path: Path) -> None:
     metadata = {
         "format_version": str(FORMAT_VERSION),
         "config": checkpoint.network.config.to_json(),
+        "calibration": _CALIBRATION.dump_json(checkpoint.calibration).decode(),
         "training": json.dumps(checkpoint.training),
     }
     save_tensors(checkpoint.network.state_dict(), metadata, path)
@@ -45,11 +55,17 @@ def load_checkpoint(path: Path) -> Checkpoint:
         version = int(metadata["format_version"])
         if version > FORMAT_VERSION:
             raise CheckpointError(
-                f"{path} has checkpoint format {version}, this version reads up to "
-                f"{FORMAT_VERSION}: upgrade meshconv3d"
+                f"{path} has checkpoint format {version}, this version reads {FORMAT_VERSION}: "
+                "upgrade meshconv3d"
+            )
+        if version < FORMAT_VERSION:
+            raise CheckpointError(
+                f"{path} has checkpoint format {version}, this version reads {FORMAT_VERSION}: "
+                "train it again"
             )
         network = Network(NetworkConfig.from_json(metadata["config"]))
         network.load_state_dict(tensors)
+        calibration = _CALIBRATION.validate_json(metadata["calibration"])
         training = json.loads(metadata["training"])
     except CheckpointError:
         raise
@@ -60,7 +76,7 @@ def load_checkpoint(path: Path) -> Checkpoint:
         ) from None
     except (ValueError, RuntimeError) as error:
         raise CheckpointError(f"{path} is not a meshconv3d checkpoint: {error}") from None
-    return Checkpoint(network.eval(), training)
+    return Checkpoint(network.eval(), calibration, training)
 
 
 def save_tensors(tensors: dict[str, torch.Tensor], metadata: dict[str, str], path: Path) -> None:

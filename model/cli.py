@@ -1,6 +1,6 @@
 """`meshconv3d train`: a folder of labelled meshes in, a checkpoint with its curves out."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -51,6 +51,13 @@ EXISTING_FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
     show_default=True,
     help="Varied copies of each training mesh: other triangles, noise, holes.",
 )
+@click.option(
+    "--hold-out",
+    type=click.FloatRange(0, 0.5),
+    default=0.125,
+    show_default=True,
+    help="Where DATA has no split val: this share of each class's training meshes becomes it.",
+)
 @click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True)
 @click.option("--device", default="cpu", show_default=True, help="cpu, cuda, cuda:1, ...")
 @click.option("--threads", type=click.IntRange(1), help="CPU threads. [default: all]")
@@ -62,18 +69,20 @@ def train(
     epochs: int,
     batch_size: int,
     copies: int,
+    hold_out: float,
     seed: int,
     device: str,
     threads: int | None,
 ) -> None:
     """Train a network on DATA, laid out as CLASS/train/*.obj and CLASS/test/*.obj.
 
-    Any format that can be classified can be trained on. Validation meshes, if there are any, are
-    scored after every epoch; test meshes once, after the last. Run the same command again to go
-    on after an interruption.
+    Any format that can be classified can be trained on. Validation meshes are scored after every
+    epoch, and calibrate the last: how sure an answer is, and what is unknown. Test meshes are
+    scored once, after the last. Run the same command again to go on after an interruption.
     """
     import torch
 
+    from model import splits
     from model.checkpoint import save_checkpoint
     from model.config import preset
     from model.curves import draw_curves
@@ -86,6 +95,8 @@ def train(
         samples = find_samples(data, split_file)
     except DatasetError as error:
         raise click.UsageError(str(error)) from None
+    if not any(sample.split == "val" for sample in samples):
+        samples = splits.hold_out(samples, hold_out, seed)
     config = preset(preset_name, class_names(samples))
     training = TrainingConfig(seed=seed, epochs=epochs, batch_size=batch_size, copies=copies)
     parts = {split: _load(samples, split, config, training) for split in SPLITS}
@@ -103,6 +114,7 @@ def train(
         what = "already finished" if done == epochs else f"going on after epoch {done}"
         click.echo(what, err=True)
     checkpoint = _run(trainer, epochs, done, _validator(parts["val"]))
+    checkpoint = _calibrate(checkpoint, parts)
     checkpoint.training["data"] = {
         "name": data.resolve().name,
         "split": split_file.name if split_file else "folders",
@@ -125,6 +137,19 @@ def _measure(network: "Network", test: "LoadedSamples") -> dict[str, Any]:
     return {"selection": "last epoch", "test": round(share, 5), "test_meshes": test.total}
 
 
+def _calibrate(checkpoint: "Checkpoint", parts: "Mapping[str, LoadedSamples]") -> "Checkpoint":
+    """Measure what is new to the network, and on the split val what its answers are worth."""
+    from dataclasses import replace
+
+    from model.evaluation import calibrate_network, fit_novelty
+
+    fit_novelty(checkpoint.network, parts["train"])
+    if not parts["val"].total:
+        click.echo("no validation meshes: answers are not calibrated, nothing is unknown", err=True)
+        return checkpoint
+    return replace(checkpoint, calibration=calibrate_network(checkpoint.network, parts["val"]))
+
+
 def _load(
     samples: "list[Sample]", split: str, config: NetworkConfig, training: "TrainingConfig"
 ) -> "LoadedSamples":
@@ -141,7 +166,7 @@ def _load(
         chosen,
         config,
         lambda part: track(part, f"Preparing {split}", console=console, disable=quiet),
-        copies=training.copies if split == "train" else 0,
+        copies={"train": training.copies, "val": training.copies // 2, "test": 0}[split],
         seed=training.seed,
     )
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from itertools import pairwise
+from typing import NamedTuple
 
 import torch
 from numpy.typing import NDArray
@@ -11,6 +12,19 @@ from model.config import NetworkConfig
 from model.descriptors import GEODESIC_TERMS, GEOMETRIC_TERMS
 from model.layers import Descriptor, PatchConvolution, gather_mean
 from model.levels import first_level
+from model.novelty import Novelty
+
+
+class Outputs(NamedTuple):
+    """What the network says of a batch.
+
+    scores: B x N_c, logits. evidence: N_L x N_c, what each face of the last level says: a mesh's
+    scores are the bias plus the mean of its evidence. novelty: B, see `model.novelty`.
+    """
+
+    scores: Tensor
+    evidence: Tensor
+    novelty: Tensor
 
 
 class Network(nn.Module):
@@ -18,9 +32,6 @@ class Network(nn.Module):
 
     Inputs are those of `model.inputs.collate`, as tensors, in the order of `input_names`: terms,
     N_0 x 3 D, then what the levels are made of.
-
-    Returns (scores, evidence): scores, B x N_c, are logits; evidence, N_L x N_c, is what each
-    face of the last level says: a mesh's scores are the bias plus the mean of its evidence.
     """
 
     def __init__(self, config: NetworkConfig) -> None:
@@ -39,8 +50,15 @@ class Network(nn.Module):
             for width_in, width_out in pairwise(widths)
         )
         self.classify = nn.Linear(widths[-1], len(config.classes))
+        self.novelty = Novelty(widths[-1], len(config.classes))
 
-    def forward(self, terms: Tensor, *topology: Tensor) -> tuple[Tensor, Tensor]:
+    def forward(self, terms: Tensor, *topology: Tensor) -> Outputs:
+        features, pooled = self.features(terms, *topology)
+        evidence = features @ self.classify.weight.T
+        return Outputs(self.classify(pooled), evidence, self.novelty(pooled))
+
+    def features(self, terms: Tensor, *topology: Tensor) -> tuple[Tensor, Tensor]:
+        """The features of the last level's faces, N_L x C, and their mean in each mesh, B x C."""
         split = 3 * len(GEODESIC_TERMS)
         # Equation 3: both descriptors side by side, N_0 x 2 C.
         features = torch.cat(
@@ -54,8 +72,7 @@ class Network(nn.Module):
                 features = convolution(features, patches)  # N_l x C
             pool, level = level.pool(features)
             features = gather_mean(features, pool)  # N_(l+1) x C
-        evidence = features @ self.classify.weight.T  # N_L x N_c
-        return gather_mean(evidence, level.readout()) + self.classify.bias, evidence
+        return features, gather_mean(features, level.readout())
 
 
 def as_tensors(

@@ -36,6 +36,18 @@ def random_split(samples: Sequence[Sample], train: int, val: int, seed: int) -> 
     return sorted(chosen, key=lambda sample: str(sample.path))
 
 
+def hold_out(samples: Sequence[Sample], share: float, seed: int) -> list[Sample]:
+    """Move a random share of each class's training samples to the split val, rounded."""
+    rng = np.random.default_rng(seed)
+    held = set()
+    for label in sorted({sample.label for sample in samples}):
+        mine = [s for s in samples if s.label == label and s.split == "train"]
+        mine.sort(key=lambda sample: sample.path.name)
+        chosen = rng.permutation(len(mine))[: round(share * len(mine))]
+        held |= {mine[i] for i in chosen}
+    return [replace(s, split="val") if s in held else s for s in samples]
+
+
 def write_split(samples: Sequence[Sample], path: Path) -> None:
     """Write a split as the CSV table that `find_samples` reads."""
     with path.open("w", newline="", encoding="utf-8") as file:

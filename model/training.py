@@ -87,7 +87,7 @@ class Trainer:
             self.history.append(record)
             self._save()
             on_epoch(record)
-        return Checkpoint(self.network.cpu().eval(), {"protocol": asdict(self.training)})
+        return Checkpoint(self.network.cpu().eval(), training={"protocol": asdict(self.training)})
 
     def resume(self) -> int:
         """Go on from what an earlier run left in the folder; returns the epochs already done.
@@ -146,7 +146,7 @@ class Trainer:
         total_loss, right, seen = 0.0, 0, 0
         self.network.train()
         for arrays, labels in self._batches(epoch):
-            scores, _ = self.network(*as_tensors(arrays, self.device))
+            scores = self.network(*as_tensors(arrays, self.device)).scores
             target = torch.from_numpy(labels).to(self.device)
             loss = self.loss(scores, target)
             self.optimiser.zero_grad()
@@ -171,8 +171,7 @@ class Trainer:
         for batch in np.array_split(order[: self.batches * self.training.batch_size], self.batches):
             chosen = [self.versions[i][rng.integers(len(self.versions[i]))] for i in batch]
             inputs = [
-                self.training.augmentation.apply(mesh, self.network.config, rng)
-                for mesh in chosen
+                self.training.augmentation.apply(mesh, self.network.config, rng) for mesh in chosen
             ]
             yield collate(inputs), np.array([mesh.label for mesh in chosen], dtype=np.int64)
 

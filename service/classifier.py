@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from model.calibration import softmax
 from model.errors import MeshError
 from model.inputs import collate, mesh_inputs
 from model.loading import load_mesh
@@ -30,7 +31,8 @@ class SelfTestError(RuntimeError):
 
 @dataclass(frozen=True, eq=False)
 class Classification:
-    """What a mesh is, by which model. scores: N_c float32 logits; probabilities: their softmax.
+    """What a mesh is, by which model. scores: N_c float32 logits; probabilities: their calibrated
+    softmax. novelty: how unlike every class it is, see `model.novelty`.
 
     timings_ms: wall-clock milliseconds of each stage: read, prepare, topology, infer.
     """
@@ -38,6 +40,7 @@ class Classification:
     model: Model
     scores: NDArray[np.float32]
     probabilities: NDArray[np.float64]
+    novelty: float
     report: MeshReport
     timings_ms: dict[str, float]
 
@@ -56,6 +59,12 @@ class Classification:
         """The likeliest class."""
         return self.classes[self.ranking[0]]
 
+    @property
+    def unknown(self) -> bool | None:
+        """Whether it is unlike everything the model was trained on; None if that has no limit."""
+        calibration = self.model.card.calibration
+        return None if calibration is None else self.novelty > calibration.novelty_limit
+
 
 class Classifier:
     """A model, loaded once, that classifies any number of meshes from any number of threads.
@@ -66,6 +75,8 @@ class Classifier:
 
     def __init__(self, model: Model) -> None:
         self.model = model
+        calibration = model.card.calibration
+        self._temperature = calibration.temperature if calibration else 1.0
 
     @classmethod
     def load(cls, name_or_path: str = DEFAULT_MODEL) -> "Classifier":
@@ -96,8 +107,10 @@ class Classifier:
         with _timed(timings, "topology"):
             arrays = collate([mesh_inputs(mesh, config)])
         with _timed(timings, "infer"):
-            scores = np.asarray(self.model.session.run(["scores"], arrays)[0])[0]
-        return Classification(self.model, scores, softmax(scores), report, timings)
+            scores, novelty = self.model.session.run(["scores", "novelty"], arrays)
+        scores, novelty = np.asarray(scores)[0], float(np.asarray(novelty)[0])
+        probabilities = softmax(scores / self._temperature)
+        return Classification(self.model, scores, probabilities, novelty, report, timings)
 
     def classify_many(
         self, sources: Iterable[Source]
@@ -132,12 +145,6 @@ class Classifier:
                 f"model {card.name} scores the sample {path.stem} differently here than when it "
                 "was exported: its file is damaged, or made for another version of meshconv3d"
             )
-
-
-def softmax(scores: NDArray[np.float32]) -> NDArray[np.float64]:
-    """Probabilities from logits, N_c."""
-    powers = np.exp(scores.astype(np.float64) - scores.max())
-    return powers / powers.sum()
 
 
 @contextmanager

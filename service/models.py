@@ -67,7 +67,7 @@ def _check_graph(path: Path, session: ort.InferenceSession, card: ModelCard) -> 
     found = [value.name for value in session.get_inputs()]
     outputs = {value.name: value.shape for value in session.get_outputs()}
     classes = outputs.get("scores", [None])[-1]
-    if found != expected or set(outputs) != {"scores", "evidence"}:
+    if found != expected or set(outputs) != {"scores", "evidence", "novelty"}:
         raise ModelFileError(f"{path}: the graph takes {found} and gives {sorted(outputs)}")
     if classes != len(card.config.classes):
         raise ModelFileError(

@@ -8,7 +8,7 @@ from service.classifier import Classification
 
 
 class ClassScore(BaseModel):
-    """One class with its share of the softmax and its raw score."""
+    """One class with its calibrated probability and its raw score."""
 
     class_: str = Field(serialization_alias="class", examples=["snake"])
     probability: float = Field(examples=[0.93])
@@ -27,7 +27,15 @@ class Answer(BaseModel):
 
     file: str | None = Field(description="name as given, if any", examples=["snake.obj"])
     class_: str = Field(serialization_alias="class", examples=["snake"])
-    probability: float = Field(examples=[0.93])
+    probability: float = Field(examples=[0.93], description="calibrated on validation meshes")
+    unknown: bool | None = Field(
+        examples=[False],
+        description="true: unlike every class of the model; then `class` is only the nearest. "
+        "null: the model has no limit for it",
+    )
+    novelty: float = Field(
+        examples=[-3.1], description="how unlike every class; the model's card has the limit"
+    )
     scores: list[ClassScore] = Field(description="likeliest first")
     model: ModelId
     mesh: MeshReport = Field(description="what preparation found and did")
@@ -64,6 +72,8 @@ def answer(file: str | None, result: Classification, top: int | None = None) -> 
         file=file,
         class_=scores[0].class_,
         probability=scores[0].probability,
+        unknown=result.unknown,
+        novelty=round(result.novelty, 4),
         scores=scores,
         model=ModelId(name=result.model.card.name, sha256=result.model.sha256),
         mesh=result.report,

@@ -47,12 +47,14 @@ def config() -> NetworkConfig:
 @pytest.fixture(scope="session")
 def checkpoint_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A checkpoint of a small, untrained network over three classes."""
+    from model.calibration import Calibration
     from model.checkpoint import Checkpoint, save_checkpoint
     from tests.networks import untrained
 
     path = tmp_path_factory.mktemp("checkpoint") / "tiny.safetensors"
     training = {"data": {"name": "none"}, "accuracy": {"test": 0.25}}
-    save_checkpoint(Checkpoint(untrained(SMALL), training), path)
+    calibration = Calibration(temperature=2.0, novelty_limit=1e6, meshes=9)
+    save_checkpoint(Checkpoint(untrained(SMALL), calibration, training), path)
     return path
 
 

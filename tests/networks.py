@@ -30,6 +30,9 @@ def untrained(config: NetworkConfig, seed: int = 0) -> Network:
         nn.init.normal_(norm.bias, std=0.5)
         norm.momentum = 1.0
     network.classify.weight.data *= 10
+    classes = len(config.classes)
+    features = torch.randn(20 * classes, config.channels[-1])
+    network.novelty.fit(features, torch.arange(20 * classes) % classes)
     meshes = [torus(), sheet(), cube(), icosphere(2)]
     batch = collate([mesh_inputs(mesh, config) for mesh in meshes])
     with torch.no_grad():

@@ -122,6 +122,11 @@ def _print_table(records: "Iterable[Answer | Refusal]") -> int:
             refused.append(record)
             table.add_row(name, f"[red]{shown(record.error.fault)}[/red]")
             continue
+        faces = _faces(record.mesh.faces_in, record.mesh.faces_used)
+        if record.unknown:
+            nearest = f"nearest {shown(record.class_)}"
+            table.add_row(name, "[yellow]unknown[/yellow]", "", nearest, faces)
+            continue
         table.add_row(
             name,
             f"[bold]{shown(record.class_)}[/bold]",
@@ -129,7 +134,7 @@ def _print_table(records: "Iterable[Answer | Refusal]") -> int:
             ", ".join(
                 f"{shown(score.class_)} {score.probability:.1%}" for score in record.scores[1:]
             ),
-            _faces(record.mesh.faces_in, record.mesh.faces_used),
+            faces,
         )
     console = Console(highlight=False)
     console.print(table)

@@ -7,7 +7,7 @@ from torch import nn
 from export.graph import fold_batch_norm
 from model.config import NetworkConfig
 from model.inputs import collate, mesh_inputs
-from model.network import as_tensors
+from model.network import Outputs, as_tensors
 from tests.meshes import sheet, torus
 from tests.networks import untrained
 
@@ -27,6 +27,6 @@ def test_folding_changes_nothing_but_the_layers(convolutions: int) -> None:
     assert not any(isinstance(module, nn.BatchNorm1d) for module in folded.modules())
     with torch.inference_mode():
         expected, ours = network(*inputs), folded(*inputs)
-    for name, a, b in zip(("scores", "evidence"), expected, ours, strict=True):
+    for name, a, b in zip(Outputs._fields, expected, ours, strict=True):
         assert torch.allclose(a, b, rtol=1e-4, atol=1e-5 * float(a.abs().max())), name
     assert all(torch.equal(before[name], value) for name, value in network.state_dict().items())

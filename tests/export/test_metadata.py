@@ -5,6 +5,7 @@ import json
 import pytest
 
 from export.metadata import FORMAT_VERSION, PREFIX, ModelCard, ModelFileError, Probe, read_card
+from model.calibration import Calibration
 from model.config import NetworkConfig
 
 CARD = ModelCard(
@@ -16,6 +17,7 @@ CARD = ModelCard(
     training={"data": {"name": "SHREC11", "train": 480}, "seed": 3, "lr": 1e-3},
     accuracy={"test": 0.98, "protocol": "16 of 20"},
     parity={"scores": 2.5e-7, "meshes": 10},
+    calibration=Calibration(temperature=1.5, novelty_limit=-3.25, meshes=360),
     probe=Probe("ants", (1.5, -2.25, 0.0)),
 )
 

@@ -63,7 +63,7 @@ def test_an_untouched_model_opens(model_file: Path) -> None:
         (change_config(face_budget=400), "prepares them as"),
         (change_config(classes=["ball", "box"]), "damaged.*one score for each class"),
         (change_config(targets=[400, 300], channels=[8, 12]), "the graph takes"),
-        (rename_output, r"gives \['hints', 'scores'\]"),
+        (rename_output, r"gives \['hints', 'novelty', 'scores'\]"),
     ],
 )
 def test_a_changed_file_is_refused(

@@ -6,6 +6,7 @@ import pytest
 import torch
 from safetensors.torch import save_file
 
+from model.calibration import Calibration
 from model.checkpoint import (
     FORMAT_VERSION,
     Checkpoint,
@@ -17,11 +18,13 @@ from model.checkpoint import (
 )
 from tests.networks import untrained
 
+CALIBRATION = Calibration(temperature=0.7, novelty_limit=12.5, meshes=90)
+
 
 @pytest.fixture
 def saved(config, tmp_path):
     path = tmp_path / "model.safetensors"
-    save_checkpoint(Checkpoint(untrained(config), {"data": {"name": "shapes"}}), path)
+    save_checkpoint(Checkpoint(untrained(config), CALIBRATION, {"data": {"name": "shapes"}}), path)
     return path
 
 
@@ -119,10 +122,19 @@ def test_weights_that_do_not_fit_their_configuration_are_refused(config, saved):
 
 
 def test_a_newer_format_is_refused_with_the_way_out(saved):
-    with pytest.raises(CheckpointError, match=r"format 2.*upgrade meshconv3d"):
+    with pytest.raises(CheckpointError, match=r"format 3.*upgrade meshconv3d"):
         load_checkpoint(resaved(saved, format_version=str(FORMAT_VERSION + 1)))
 
 
 def test_a_missing_file_is_named(tmp_path):
     with pytest.raises(FileNotFoundError, match=r"absent\.safetensors"):
         load_checkpoint(tmp_path / "absent.safetensors")
+
+
+def test_an_older_format_is_refused_with_the_way_out(saved):
+    with pytest.raises(CheckpointError, match=r"format 1.*train it again"):
+        load_checkpoint(resaved(saved, format_version="1"))
+
+
+def test_the_calibration_comes_back(saved):
+    assert load_checkpoint(saved).calibration == CALIBRATION

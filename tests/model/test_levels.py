@@ -1,5 +1,7 @@
 """Learned pooling asks the features that enter it, and lets their gradient through."""
 
+from itertools import pairwise
+
 import numpy as np
 import torch
 
@@ -41,7 +43,7 @@ def test_every_level_pools_by_the_features_it_is_given() -> None:
         starts = np.cumsum([0, *(surface.face_count for surface in surfaces)])
         expected = [surface.patches(LEARNED.patch_size) for surface in surfaces]
         assert (level.patches().numpy() == join_indices(expected, starts[:-1])).all()
-        rows = [range(start, end) for start, end in zip(starts[:-1], starts[1:], strict=True)]
+        rows = [range(start, end) for start, end in pairwise(starts)]
         named = [set(row[row > 0] - 1) for row in level.readout().numpy()]
         assert named == [set(row) for row in rows]
         features = rng.normal(size=(starts[-1], 4)).astype(np.float32)
@@ -62,7 +64,7 @@ def test_other_features_collapse_other_faces() -> None:
 def test_the_gradient_reaches_every_weight() -> None:
     torch.manual_seed(0)
     network = Network(LEARNED).train()
-    scores, _ = network(*tensors(LEARNED))
+    scores = network(*tensors(LEARNED)).scores
     torch.nn.functional.cross_entropy(scores, torch.tensor([0, 1, 2])).backward()
     for name, parameter in network.named_parameters():
         assert parameter.grad is not None, name

@@ -196,9 +196,10 @@ def test_three_shapes_are_learnt(shapes, tmp_path):
 
 def test_prediction_does_not_depend_on_the_batch(shapes, uninterrupted):
     meshes = [mesh for (mesh,) in shapes]
-    alone = predict(uninterrupted.network, meshes, 1)
-    assert predict(uninterrupted.network, meshes, 5) == pytest.approx(alone, abs=1e-5)
-    assert alone.shape == (18, 3)
+    together = predict(uninterrupted.network, meshes).scores.numpy()
+    alone = [predict(uninterrupted.network, [mesh]).scores[0].numpy() for mesh in meshes]
+    assert together == pytest.approx(np.array(alone), abs=1e-5)
+    assert together.shape == (18, 3)
 
 
 def test_refused_files_count_as_wrong(shapes, uninterrupted):
