@@ -1,0 +1,33 @@
+"""Which cubes there are: the classes, and how many of each."""
+
+from dataclasses import dataclass
+
+
+class CubesError(ValueError):
+    """Silhouettes, a folder or a cube that are not as the recipe wants them; the message says."""
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """classes: those of the original, spelt as the silhouettes' files are.
+
+    train, test: silhouettes of a class. Split so, and not by cube, no test outline was ever seen.
+    copies: cubes of one silhouette, which differ in place and rotation.
+    """
+
+    classes: tuple[str, ...] = (
+        *("apple", "bat", "bell", "brick", "camel", "car", "carriage", "chopper", "elephant"),
+        *("fork", "guitar", "hammer", "Heart", "horseshoe", "key", "lmfish", "octopus", "shoe"),
+        *("spoon", "tree", "turtle", "watch"),
+    )
+    train: int = 17
+    test: int = 3
+    copies: int = 10
+
+    @property
+    def silhouettes(self) -> int:
+        """How many silhouettes a class needs."""
+        return self.train + self.test
+
+
+RECIPE = Recipe()
