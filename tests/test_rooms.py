@@ -15,17 +15,22 @@ from tests.commands import environment
 
 ROOT = Path(__file__).parents[1]
 
-# Runs the command line with the modules of the extra `train` out of reach.
-WITHOUT_TRAINING = """
+# Runs the command line with the modules of the extras out of reach.
+WITHOUT_EXTRAS = """
 import sys
-from importlib.abc import MetaPathFinder
+from importlib.machinery import PathFinder
 
-class Unimportable(MetaPathFinder):
-    def find_spec(self, name, path=None, target=None):
-        if name.partition(".")[0] in {"torch", "onnx", "onnxscript", "safetensors", "matplotlib"}:
-            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+EXTRAS = {"torch", "onnx", "onnxscript", "safetensors", "matplotlib"}
+EXTRAS |= {"manifold3d", "PIL", "shapely", "skimage"}
 
-sys.meta_path.insert(0, Unimportable())
+class WithoutExtras(PathFinder):
+    @classmethod
+    def find_spec(cls, name, path=None, target=None):
+        if name.partition(".")[0] in EXTRAS:
+            return None
+        return super().find_spec(name, path, target)
+
+sys.meta_path = [WithoutExtras if finder is PathFinder else finder for finder in sys.meta_path]
 from service.cli.main import main
 main()
 """
@@ -85,33 +90,38 @@ except SystemExit as end:
 
 
 @pytest.mark.parametrize("name", ["ants", "snake", "two_balls"])
-def test_classifying_needs_nothing_of_training(name: str) -> None:
-    done = python(WITHOUT_TRAINING, "classify", sample_paths()[name])
+def test_classifying_needs_no_extra(name: str) -> None:
+    done = python(WITHOUT_EXTRAS, "classify", sample_paths()[name])
     assert (done.returncode, done.stderr) == (0, "")
     assert json.loads(done.stdout)["class"] == name
 
 
 @pytest.mark.parametrize(
-    "arguments",
+    ("extra", "arguments"),
     [
-        ["train", "{folder}", "--out", "{folder}/out"],
-        ["export", "{file}", "-o", "{folder}/model.onnx"],
-        ["verify", "{file}", "--checkpoint", "{file}"],
+        ("train", ["train", "{folder}", "--out", "{folder}/out"]),
+        ("train", ["export", "{file}", "-o", "{folder}/model.onnx"]),
+        ("train", ["verify", "{file}", "--checkpoint", "{file}"]),
+        ("data", ["data", "cubes", "{folder}", "{folder}/out"]),
     ],
 )
-def test_a_missing_extra_is_named_in_one_line(tmp_path: Path, arguments: list[str]) -> None:
+def test_a_missing_extra_is_named_in_one_line(
+    tmp_path: Path, extra: str, arguments: list[str]
+) -> None:
     file = tmp_path / "file"
     file.touch()
     given = [argument.format(folder=tmp_path, file=file) for argument in arguments]
-    done = python(WITHOUT_TRAINING, *given)
+    done = python(WITHOUT_EXTRAS, *given)
     assert done.returncode == 1
     assert done.stdout == ""
     (line,) = done.stderr.splitlines()
-    assert "pip install '.[train]'" in line
+    assert f"pip install '.[{extra}]'" in line
 
 
-@pytest.mark.parametrize("command", ["train", "export", "verify"])
-def test_help_needs_no_extra(command: str) -> None:
-    done = python(WITHOUT_TRAINING, command, "--help")
+@pytest.mark.parametrize(
+    "command", [["train"], ["export"], ["verify"], ["data"], ["data", "cubes"]]
+)
+def test_help_needs_no_extra(command: list[str]) -> None:
+    done = python(WITHOUT_EXTRAS, *command, "--help")
     assert (done.returncode, done.stderr) == (0, "")
     assert "--help" in done.stdout

@@ -19,13 +19,17 @@ COMMANDS = {
     "evaluate": ("service.cli.evaluate:evaluate", "Measure how good a model is."),
     "serve": ("service.cli.serve:serve", "Answer over HTTP."),
     "inspect": ("service.cli.inspect:inspect", "Show a model's card."),
+    "data": ("model.data_cli:data", "Make a data set to train on."),
     "train": ("model.cli:train", "Train a network on a folder of labelled meshes."),
     "export": ("export.cli:export", "Turn a checkpoint into one ONNX file."),
     "verify": ("export.cli:verify", "Compare an ONNX file with its checkpoint."),
 }
 
-# What the extra `train` installs, by the names under which it is imported.
-TRAIN_MODULES = {"torch", "onnx", "onnxscript", "safetensors", "matplotlib"}
+# What each extra installs, by the names under which it is imported.
+EXTRAS = {
+    "data": {"manifold3d", "PIL", "shapely", "skimage"},
+    "train": {"torch", "onnx", "onnxscript", "safetensors", "matplotlib"},
+}
 
 
 class Commands(click.Group):
@@ -48,16 +52,23 @@ class Commands(click.Group):
         try:
             return super().invoke(ctx)
         except ModuleNotFoundError as error:
-            if error.name is None or error.name.split(".")[0] not in TRAIN_MODULES:
+            extra = _extra_with(error.name)
+            if extra is None:
                 raise
             raise click.ClickException(
                 f"this command needs {error.name}, which comes with an extra: "
-                "pip install '.[train]' in a clone of meshconv3d"
+                f"pip install '.[{extra}]' in a clone of meshconv3d"
             ) from None
         except BrokenPipeError:
             # Here, since click would make it exit code 1.
             _drop_output()
             ctx.exit(0)
+
+
+def _extra_with(module: str | None) -> str | None:
+    """The extra that installs a module, named as in `import`, if one does."""
+    package = (module or "").partition(".")[0]
+    return next((extra for extra, packages in EXTRAS.items() if package in packages), None)
 
 
 def _print_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
