@@ -2,9 +2,10 @@
 
 DATA is SHREC11. Every row changes one thing in the reference network and trains it on 7 meshes of
 each class, with the command's own protocol but half its epochs; 3 more are scored, as they are
-and as five varied copies of each (`model.variation`). All ten are the training part of a random split into 10 and
-10: the ten test meshes of each class take no part. Rows are kept in benchmarks/results/ as they
-arrive; a run that was interrupted goes on, and a finished one only prints its table.
+and as five varied copies of each (`model.variation`). All ten are the training part of a random
+split into 10 and 10: the ten test meshes of each class take no part. Rows are kept in
+benchmarks/results/ as they arrive; a run that was interrupted goes on, and a finished one only
+prints its table.
 """
 
 import argparse
