@@ -61,3 +61,30 @@ def cubes(silhouettes: Path, out: Path, seed: int, workers: int | None) -> None:
     )
     there = f"{train} to train on and {test} to test on are in {out}"
     click.echo(f"wrote {written} cubes; {there}")
+
+
+@data.command()
+@click.argument("folder", type=EXISTING_FOLDER, metavar="DATA")
+@click.argument("out", type=click.Path(dir_okay=False, path_type=Path), metavar="SPLIT.csv")
+@click.option(
+    "--train",
+    type=click.IntRange(1),
+    required=True,
+    help="Meshes of each class to train on; the others are to test on.",
+)
+@click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True)
+def split(folder: Path, out: Path, train: int, seed: int) -> None:
+    """Split DATA at random, whatever split it comes in, and write that down in SPLIT.csv.
+
+    For `meshconv3d train --split SPLIT.csv`. SHREC11's split 10 is --train 10, for a few seeds.
+    """
+    from model.datasets import DatasetError, list_samples
+    from model.splits import random_split, write_split
+
+    try:
+        samples = random_split(list_samples(folder), train, 0, seed)
+        write_split(samples, out)
+    except DatasetError as error:
+        raise click.UsageError(str(error)) from None
+    counts = [sum(sample.split == name for sample in samples) for name in ("train", "test")]
+    click.echo(f"wrote {out}: {counts[0]} meshes to train on, {counts[1]} to test on")

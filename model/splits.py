@@ -49,7 +49,14 @@ def hold_out(samples: Sequence[Sample], share: float, seed: int) -> list[Sample]
 
 
 def write_split(samples: Sequence[Sample], path: Path) -> None:
-    """Write a split as the CSV table that `find_samples` reads."""
+    """Write a split as the CSV table that `find_samples` reads.
+
+    Raises DatasetError where two files of a class share a name, which the table cannot tell apart.
+    """
+    names = [(sample.label, sample.path.name) for sample in samples]
+    if len(set(names)) < len(names):
+        twice = max(names, key=names.count)
+        raise DatasetError(f"class {twice[0]} has two files called {twice[1]}: rename one")
     with path.open("w", newline="", encoding="utf-8") as file:
         table = csv.writer(file)
         table.writerow(("class", "file", "split"))
