@@ -15,9 +15,13 @@ import trimesh
 from model.cubes.engraving import MOST_CORNERS, engraved_cube
 from model.cubes.recipe import CubesError, Recipe
 from model.cubes.silhouettes import Silhouette, find_silhouettes, outline
+from model.datasets import Sample
 from model.mesh import Mesh
+from model.splits import write_split
 
 RECORD_FILE = "cubes.json"
+HELD_OUT_FILE = "held_out.csv"
+HELD_OUT = 2  # of a class's silhouettes to train on
 
 
 @dataclass(frozen=True)
@@ -25,12 +29,14 @@ class Task:
     """The cubes of one silhouette.
 
     seed: the run's, the class's index and the silhouette's number; a cube adds its own.
+    held_out: one to train on, but to validate on for those who hold some out.
     """
 
     silhouette: Silhouette
     folder: Path
     copies: int
     seed: tuple[int, int, int]
+    held_out: bool
 
     def path(self, copy: int) -> Path:
         return self.folder / f"{self.silhouette.name}-{copy:02d}.ply"
@@ -51,7 +57,8 @@ def plan(silhouettes: Path, out: Path, recipe: Recipe, seed: int) -> list[Task]:
             split = "train" if place < recipe.train else "test"
             one = members[member]
             key = (seed, index, one.number)
-            tasks.append(Task(one, out / label / split, recipe.copies, key))
+            held_out = recipe.train - HELD_OUT <= place < recipe.train
+            tasks.append(Task(one, out / label / split, recipe.copies, key, held_out))
     return tasks
 
 
@@ -71,6 +78,19 @@ def claim(out: Path, recipe: Recipe, seed: int) -> None:
         raise CubesError(f"{out} holds something else: name a new folder, or an empty one")
     else:
         _write(file, record.encode())
+
+
+def write_held_out(tasks: Sequence[Task], out: Path) -> None:
+    """Write the split with `val` as a table: whole silhouettes, as for testing.
+
+    Holding random cubes out would validate on outlines that were trained on.
+    """
+    samples = [
+        Sample(task.path(copy), task.silhouette.label, "val" if task.held_out else task.folder.name)
+        for task in tasks
+        for copy in range(task.copies)
+    ]
+    write_split(sorted(samples, key=lambda sample: str(sample.path)), out / HELD_OUT_FILE)
 
 
 def generate(tasks: Sequence[Task], workers: int) -> Iterator[int]:

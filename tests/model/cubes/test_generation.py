@@ -1,5 +1,6 @@
 """The data set on disk: its split, the same bytes for the same seed, going on, refusals."""
 
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -7,7 +8,15 @@ import pytest
 from click.testing import CliRunner, Result
 
 from model.cubes.engraving import MOST_CORNERS, engraved_cube
-from model.cubes.generation import RECORD_FILE, claim, generate, plan, run
+from model.cubes.generation import (
+    HELD_OUT_FILE,
+    RECORD_FILE,
+    claim,
+    generate,
+    plan,
+    run,
+    write_held_out,
+)
 from model.cubes.recipe import RECIPE, CubesError, Recipe
 from model.cubes.silhouettes import outline
 from model.datasets import find_samples
@@ -70,6 +79,20 @@ def test_no_silhouette_is_on_both_sides(silhouettes, recipe, tmp_path):
         assert copy in ("00", "01")
     assert (len(sides["train"]), len(sides["test"])) == (6, 2)
     assert sides["train"].isdisjoint(sides["test"])
+
+
+def test_validation_holds_whole_silhouettes_out(silhouettes, recipe, tmp_path):
+    make(silhouettes, tmp_path / "out", recipe)
+    tasks = plan(silhouettes, tmp_path / "out", recipe, 0)
+    write_held_out(tasks, tmp_path / "out")
+    samples = find_samples(tmp_path / "out", tmp_path / "out" / HELD_OUT_FILE)
+    counts = Counter((sample.label, sample.split) for sample in samples)
+    each = {"train": 2, "val": 4, "test": 2}
+    assert counts == {(label, split): n for label in recipe.classes for split, n in each.items()}
+    assert len({(s.path.stem[:-3], s.split) for s in samples}) == 8
+    plain = {sample.path: sample.split for sample in find_samples(tmp_path / "out")}
+    assert all(plain[s.path] == s.split for s in samples if s.split != "val")
+    assert all(plain[s.path] == "train" for s in samples if s.split == "val")
 
 
 def test_the_seed_draws_the_split(silhouettes, recipe, tmp_path):
@@ -151,6 +174,7 @@ def test_the_command_says_what_it_made(silhouettes, tmp_path):
     assert (first.exit_code, first.stderr) == (0, "")
     says = "{} cubes; 12 to train on and 4 to test on are in " + str(out) + "\n"
     assert first.stdout == "wrote " + says.format(16)
+    assert len(find_samples(out, out / HELD_OUT_FILE)) == 16
     next(out.rglob("*.ply")).unlink()
     assert cubes(silhouettes, out, "--workers", 1).stdout == "wrote " + says.format(1)
 
