@@ -12,7 +12,7 @@ from model.network import Network
 
 def fold_batch_norm(network: Network) -> Network:
     """A copy in evaluation mode whose linear layers contain the BatchNorm that follows them."""
-    folded = copy.deepcopy(network).eval()
+    folded = copy.deepcopy(network).eval().requires_grad_(False)
     for module in folded.modules():
         if isinstance(module, PatchConvolution):
             module.linear = fuse_linear_bn_eval(module.linear, module.norm)

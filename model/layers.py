@@ -3,6 +3,13 @@
 import torch
 from torch import Tensor, nn
 
+from model.fused import GatherMean, PatchStatistics
+
+
+def is_fused(features: Tensor) -> bool:
+    """Whether to gather by compiled loops: in training on a CPU. A graph has operations only."""
+    return features.requires_grad and features.device.type == "cpu"
+
 
 def gather_rows(features: Tensor, index: Tensor) -> Tensor:
     """Rows of a feature table by face + 1; 0, the null face, reads zeros.
@@ -21,6 +28,8 @@ def count_present(index: Tensor, features: Tensor) -> Tensor:
 
 def gather_mean(features: Tensor, index: Tensor) -> Tensor:
     """Mean over the faces that each row of the index names. N x C, M x W -> M x C."""
+    if is_fused(features):
+        return GatherMean.apply(features, index)
     return gather_rows(features, index).sum(dim=1) / count_present(index, features)
 
 
@@ -65,6 +74,8 @@ class PatchConvolution(nn.Module):
 
 def patch_statistics(features: Tensor, neighbours: Tensor, summed: bool = False) -> Tensor:
     """(centre, mean, mean absolute difference): N x C, N x (K - 1) -> N x 3 C; or sums."""
+    if is_fused(features):
+        return PatchStatistics.apply(features, neighbours, summed)
     if neighbours.shape[1] == 0:  # K = 1
         return torch.cat([features, torch.zeros_like(features), torch.zeros_like(features)], dim=1)
     rows = gather_rows(features, neighbours)  # N x (K - 1) x C
