@@ -18,8 +18,15 @@ MESHES_HELP = "Compare on these meshes too, beside the samples."
 @click.argument("checkpoint", type=EXISTING_FILE)
 @click.option("-o", "--output", type=FILE, required=True, help="The .onnx file to write.")
 @click.option("--name", help="The model's name. [default: that of the file]")
+@click.option("--card", type=EXISTING_FILE, help="Markdown that tells people of the model.")
 @click.option("--mesh", "meshes", type=EXISTING_FILE, multiple=True, help=MESHES_HELP)
-def export(checkpoint: Path, output: Path, name: str | None, meshes: tuple[Path, ...]) -> None:
+def export(
+    checkpoint: Path,
+    output: Path,
+    name: str | None,
+    card: Path | None,
+    meshes: tuple[Path, ...],
+) -> None:
     """Turn CHECKPOINT into one self-contained ONNX file.
 
     The file is compared with torch on several meshes, alone and together in a ragged batch; if
@@ -32,11 +39,16 @@ def export(checkpoint: Path, output: Path, name: str | None, meshes: tuple[Path,
         raise click.UsageError(f"no such folder: {output.parent}")
     loaded = _load(checkpoint)
     try:
-        card = export_model(loaded, output, name or output.stem, _inputs(loaded, meshes))
+        about = card.read_text(encoding="utf-8") if card else ""
+    except UnicodeDecodeError:
+        raise click.UsageError(f"{card} is not UTF-8 text") from None
+    try:
+        inputs = _inputs(loaded, meshes)
+        made = export_model(loaded, output, name or output.stem, inputs, about)
     except ParityError as error:
         raise click.ClickException(f"{output} was not written: {error}") from None
     size = output.stat().st_size
-    click.echo(f"wrote {output} ({size / 1e6:.2f} MB), parity {_parity(card.parity)}")
+    click.echo(f"wrote {output} ({size / 1e6:.2f} MB), parity {_parity(made.parity)}")
 
 
 @click.command()

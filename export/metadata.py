@@ -39,7 +39,8 @@ class ModelCard:
     config: the network, its topology and its classes. opset: of the graph. training: data,
     protocol and seed. accuracy: figures with their protocol. parity: largest relative difference
     to torch of each output, and on what. calibration: None if it was trained without validation
-    meshes. probe: by which whoever runs the model can test it.
+    meshes. probe: by which whoever runs the model can test it. about: what people should know
+    of it, in Markdown.
     """
 
     name: str
@@ -50,6 +51,7 @@ class ModelCard:
     parity: dict[str, Any]
     calibration: Calibration | None
     probe: Probe
+    about: str = ""
     format_version: Version = FORMAT_VERSION
 
     @model_validator(mode="after")

@@ -23,13 +23,17 @@ OPSET = 20
 
 
 def export_model(
-    checkpoint: Checkpoint, path: Path, name: str, meshes: Mapping[str, MeshInputs]
+    checkpoint: Checkpoint,
+    path: Path,
+    name: str,
+    meshes: Mapping[str, MeshInputs],
+    about: str = "",
 ) -> ModelCard:
     """Export to `path` and return the card; the file appears only once it has proved itself.
 
     meshes: at least two, by name, the first a sample, whose scores go into the card. The graph
-    is traced on them and compared with torch on each, alone and in one batch. Raises
-    ParityError, leaving no file.
+    is traced on them and compared with torch on each, alone and in one batch. about: Markdown for
+    the card. Raises ParityError, leaving no file.
     """
     graph = trace_graph(checkpoint.network, list(meshes.values()))
     training = dict(checkpoint.training)
@@ -42,6 +46,7 @@ def export_model(
         calibration=checkpoint.calibration,
         parity=check_parity(graph.SerializeToString(), checkpoint.network, list(meshes.values())),
         probe=probe(checkpoint.network, *next(iter(meshes.items()))),
+        about=about,
     )
     onnx.helper.set_model_props(graph, card.to_properties())
     partial = path.with_name(path.name + ".partial")

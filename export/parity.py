@@ -25,7 +25,8 @@ def check_parity(
     """Run every mesh alone, and all in one ragged batch, under onnxruntime and torch.
 
     Returns the largest difference of each output, relative to the largest value of that output
-    for any of the meshes in torch, and what it was measured on. Raises ParityError listing every failure.
+    for any of the meshes in torch, and what it was measured on. Raises ParityError listing every
+    failure.
     """
     session = _open(model, network)
     batches = {f"mesh {i}": [mesh] for i, mesh in enumerate(meshes)}

@@ -3,6 +3,7 @@
 import hashlib
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from export.metadata import ModelCard, ModelFileError, read_card
 from export.runtime import onnxruntime as ort
@@ -20,6 +21,10 @@ class Model:
     card: ModelCard
     sha256: str
     session: ort.InferenceSession
+
+    def describe(self) -> dict[str, Any]:
+        """The card and the file's hash as plain values, for people and programs."""
+        return self.card.to_dict() | {"sha256": self.sha256}
 
 
 def shipped_models() -> dict[str, Path]:

@@ -13,10 +13,12 @@ def inspect(model: str | None, as_json: bool) -> None:
     from service.cli.shared import load_classifier
 
     opened = load_classifier(model).model
-    card = opened.card.to_dict() | {"sha256": opened.sha256}
+    card = opened.describe()
     if as_json:
         click.echo(json.dumps(card))
         return
+    if about := card.pop("about"):
+        click.echo(f"{about.strip()}\n")
     for name, value in card.items():
         click.echo(f"{name}:")
         for line in _lines(value):

@@ -7,7 +7,7 @@ from contextlib import asynccontextmanager
 
 import anyio
 import anyio.to_thread
-from fastapi import FastAPI, Query, Request, Response
+from fastapi import FastAPI, HTTPException, Query, Request, Response
 from fastapi.responses import JSONResponse
 
 from model.loading import FORMATS
@@ -72,7 +72,7 @@ def create_app(classifier: Classifier, settings: Settings) -> FastAPI:
     @app.post(
         "/v1/classify",
         response_model=Answer,
-        responses=RESPONSES,
+        responses={status: RESPONSES[status] for status in (400, 413, 415, 422)},
         openapi_extra={"requestBody": REQUEST_BODY},
     )
     async def classify(
@@ -88,8 +88,16 @@ def create_app(classifier: Classifier, settings: Settings) -> FastAPI:
     @app.get("/v1/models")
     async def models() -> dict:
         """The models that are served, each with its card."""
-        model = classifier.model
-        return {"models": [model.card.to_dict() | {"sha256": model.sha256}]}
+        return {"models": [classifier.model.describe()]}
+
+    @app.get("/v1/models/{name}", responses={404: RESPONSES[404]})
+    async def model(name: str) -> dict:
+        """The card of one model."""
+        if name != classifier.model.card.name:
+            raise HTTPException(
+                404, f"no model {name!r} is served here, but {classifier.model.card.name}"
+            )
+        return classifier.model.describe()
 
     @app.api_route("/livez", methods=["GET", "HEAD"])
     async def live() -> dict:

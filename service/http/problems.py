@@ -41,6 +41,7 @@ RESPONSES: dict[int | str, dict] = {
     }
     for status, description in {
         400: "The request or the file is malformed.",
+        404: "There is no such thing here.",
         413: "The body is larger than the service accepts.",
         415: "The format is not one that is read, or contradicts the content.",
         422: "The file was read, but holds no mesh that can be classified.",

@@ -114,12 +114,31 @@ def test_verify_fails_on_what_is_no_model(checkpoint_file: Path) -> None:
 def test_inspect_shows_every_entry_for_people_and_programs(model_file: Path) -> None:
     card = json.loads(run("inspect", model_file, "--json").stdout)
     text = run("inspect", model_file).stdout
+    assert card.pop("about") == ""
     for name, value in card.items():
         assert f"{name}:" in text
         for key in value if isinstance(value, dict) else ():
             assert f"  {key}:" in text
     assert "ball, box, ring" in text
     assert card["sha256"] in text
+
+
+def test_what_people_should_know_is_in_the_file(checkpoint_file: Path, tmp_path: Path) -> None:
+    about = "# Things\n\nBalls, boxes and rings – nothing else.\n"
+    (tmp_path / "card.md").write_text(about, encoding="utf-8")
+    path = tmp_path / "things.onnx"
+    assert run("export", checkpoint_file, "-o", path, "--card", tmp_path / "card.md").exit_code == 0
+    assert json.loads(run("inspect", path, "--json").stdout)["about"] == about
+    assert run("inspect", path).stdout.startswith(about)
+
+
+def test_a_card_that_is_no_text_is_a_usage_error(checkpoint_file: Path, tmp_path: Path) -> None:
+    (tmp_path / "card.md").write_bytes(b"\xff\xfe")
+    result = run(
+        "export", checkpoint_file, "-o", tmp_path / "a.onnx", "--card", tmp_path / "card.md"
+    )
+    assert result.exit_code == 2
+    assert "card.md is not UTF-8 text" in result.stderr
 
 
 def test_inspect_of_an_unknown_model_is_a_usage_error() -> None:

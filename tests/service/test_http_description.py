@@ -20,6 +20,14 @@ def test_models_are_listed_with_their_cards(client: httpx.Client, model_file: Pa
     assert client.get("/v1/models").json() == {"models": [card]}
 
 
+def test_a_model_tells_of_itself_by_its_name(client: httpx.Client) -> None:
+    (card,) = client.get("/v1/models").json()["models"]
+    assert client.get(f"/v1/models/{card['name']}").json() == card
+    missing = client.get("/v1/models/other")
+    assert (missing.status_code, missing.json()["fault"]) == (404, "not-found")
+    assert missing.json()["detail"] == f"no model 'other' is served here, but {card['name']}"
+
+
 def test_both_request_forms_are_described(client: httpx.Client) -> None:
     body = operation(client)["requestBody"]
     assert body["required"]

@@ -26,8 +26,11 @@ def result(classifier: Classifier) -> Classification:
 def test_an_answer_as_json(classifier: Classifier, result: Classification) -> None:
     record = json.loads(answer("ants.obj", result).model_dump_json(by_alias=True))
     assert list(record) == [
-        *("file", "class", "probability", "scores", "model", "mesh", "timings_ms")
+        *("file", "class", "probability", "unknown", "novelty"),
+        *("scores", "model", "mesh", "timings_ms"),
     ]
+    assert record["unknown"] is False
+    assert record["novelty"] == pytest.approx(result.novelty, abs=1e-4)
     assert record["file"] == "ants.obj"
     assert record["class"] == result.label == record["scores"][0]["class"]
     assert record["probability"] == record["scores"][0]["probability"]
