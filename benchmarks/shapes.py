@@ -112,8 +112,13 @@ def rubble(rng: Generator) -> Mesh:
         box = trimesh.creation.box(extents=rng.uniform(0.2, 1, 3))
         place = np.eye(4)
         place[:3, :3], place[:3, 3] = random_rotation(rng), rng.uniform(-0.8, 0.8, 3)
-        boxes.append(box.apply_transform(place))
-    return _plain(trimesh.util.concatenate(boxes))
+        box.apply_transform(place)
+        boxes.append(_plain(box))
+    offsets = np.cumsum([0, *(len(box.vertices) for box in boxes[:-1])])
+    return Mesh(
+        np.concatenate([box.vertices for box in boxes]),
+        np.concatenate([box.faces + offset for box, offset in zip(boxes, offsets, strict=True)]),
+    )
 
 
 def crumple(rng: Generator) -> Mesh:

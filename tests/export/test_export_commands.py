@@ -124,7 +124,7 @@ def test_inspect_shows_every_entry_for_people_and_programs(model_file: Path) -> 
 
 
 def test_what_people_should_know_is_in_the_file(checkpoint_file: Path, tmp_path: Path) -> None:
-    about = "# Things\n\nBalls, boxes and rings – nothing else.\n"
+    about = "# Things\n\nBalls, boxes and rings, naïvely.\n"
     (tmp_path / "card.md").write_text(about, encoding="utf-8")
     path = tmp_path / "things.onnx"
     assert run("export", checkpoint_file, "-o", path, "--card", tmp_path / "card.md").exit_code == 0

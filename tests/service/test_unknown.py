@@ -1,0 +1,81 @@
+"""What is unlike everything a model was trained on is called unknown, everywhere."""
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import httpx
+import numpy as np
+import pytest
+
+from model.calibration import Calibration, softmax
+from model.checkpoint import load_checkpoint, save_checkpoint
+from model.samples import sample_paths
+from service.classifier import Classifier
+from tests.commands import at_a_terminal, meshconv3d
+
+SAMPLE = sample_paths()["ants"]
+
+
+@pytest.fixture(scope="module")
+def model_with(checkpoint_file: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable:
+    """Makes a model file from the small checkpoint with another calibration."""
+
+    def make(calibration: Calibration | None) -> Path:
+        folder = tmp_path_factory.mktemp("calibrated")
+        checkpoint = replace(load_checkpoint(checkpoint_file), calibration=calibration)
+        save_checkpoint(checkpoint, folder / "model.safetensors")
+        done = meshconv3d("export", folder / "model.safetensors", "-o", folder / "some.onnx")
+        assert done.returncode == 0, done.stderr
+        return folder / "some.onnx"
+
+    return make
+
+
+@pytest.fixture(scope="module")
+def strict(model_with: Callable) -> Path:
+    """A model to which everything is unknown."""
+    return model_with(Calibration(temperature=2.0, novelty_limit=-1e9, meshes=9))
+
+
+def test_the_limit_decides(strict: Path, model_file: Path) -> None:
+    assert Classifier.load(str(strict)).classify(SAMPLE).unknown is True
+    assert Classifier.load(str(model_file)).classify(SAMPLE).unknown is False
+
+
+def test_the_temperature_tempers(strict: Path) -> None:
+    result = Classifier.load(str(strict)).classify(SAMPLE)
+    np.testing.assert_allclose(result.probabilities, softmax(result.scores / 2.0))
+
+
+def test_a_model_that_was_not_calibrated_has_no_opinion(model_with: Callable) -> None:
+    result = Classifier.load(str(model_with(None))).classify(SAMPLE)
+    assert result.unknown is None
+    np.testing.assert_allclose(result.probabilities, softmax(result.scores))
+
+
+def test_a_line_says_so(strict: Path) -> None:
+    record = json.loads(meshconv3d("classify", SAMPLE, "--model", strict).stdout)
+    assert record["unknown"] is True
+    assert record["class"] == record["scores"][0]["class"]
+
+
+def test_the_table_says_so(strict: Path) -> None:
+    _, (_, row) = at_a_terminal("classify", SAMPLE.name, "--model", strict, cwd=SAMPLE.parent)
+    name, verdict, nearest, label, _ = row.split()
+    assert (name, verdict, nearest) == (SAMPLE.name, "unknown", "nearest")
+    assert label in {"ball", "box", "ring"}
+    assert "%" not in row
+
+
+def test_the_service_says_so(start: Callable, strict: Path) -> None:
+    service = start("--model", strict)
+    reply = httpx.post(f"{service.url}/v1/classify", files={"file": SAMPLE.read_bytes()})
+    assert reply.json()["unknown"] is True
+    card = httpx.get(f"{service.url}/v1/models/some").json()
+    assert card["calibration"]["novelty_limit"] == -1e9
+
+
+def test_the_card_tells_the_limit(strict: Path) -> None:
+    assert "novelty_limit: -1000000000.0" in meshconv3d("inspect", strict).stdout
