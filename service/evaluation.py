@@ -49,6 +49,7 @@ def summarise(model: Model, data: DataId, outcomes: Sequence[Outcome], seconds: 
         files=len(outcomes),
         refused=reasons.total(),
         reasons=dict(reasons.most_common()),
+        unknown=_called_unknown(outcomes) if model.card.calibration else None,
         accuracy=round(metrics.accuracy(predictions), DIGITS),
         top5_accuracy=(
             round(metrics.accuracy(predictions, top=5), DIGITS) if predictions.classes > 5 else None
@@ -64,6 +65,11 @@ def summarise(model: Model, data: DataId, outcomes: Sequence[Outcome], seconds: 
         classes=_class_figures(model.card.config.classes, predictions),
         confusion=metrics.confusion_matrix(predictions).tolist(),
     )
+
+
+def _called_unknown(outcomes: Sequence[Outcome]) -> int:
+    results = (outcome.result for outcome in outcomes)
+    return sum(isinstance(result, Classification) and result.unknown is True for result in results)
 
 
 def _predictions(classes: Sequence[str], outcomes: Sequence[Outcome]) -> Predictions:

@@ -62,6 +62,10 @@ class Report(BaseModel):
     files: int
     refused: int
     reasons: dict[str, int] = Field(description="refused files by fault")
+    unknown: int | None = Field(
+        description="files that were called unknown, whatever their nearest class; null if the "
+        "model calls nothing so"
+    )
     accuracy: float
     top5_accuracy: float | None
     balanced_accuracy: float

@@ -38,6 +38,9 @@ def _figures(report: Report) -> Table:
         table.add_row("Top-5 accuracy", _share(report.top5_accuracy))
     table.add_row("Balanced accuracy", _share(report.balanced_accuracy), "mean recall of classes")
     table.add_row("Refused", f"{report.refused}", reasons)
+    if report.unknown is not None:
+        share = f"{report.unknown / report.files:.1%} of the files"
+        table.add_row("Called unknown", f"{report.unknown}", share)
     table.add_row("Calibration error", _number(report.calibration_error), calibration)
     table.add_row(
         "Negative log-likelihood",
