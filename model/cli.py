@@ -1,5 +1,6 @@
 """`meshconv3d train`: a folder of labelled meshes in, a checkpoint with its curves out."""
 
+import json
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,6 +19,22 @@ CHECKPOINT_FILE = "model.safetensors"
 CURVES_FILE = "curves.png"
 EXISTING_FOLDER = click.Path(exists=True, file_okay=False, path_type=Path)
 EXISTING_FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
+
+
+def _read_settings(
+    ctx: click.Context, parameter: click.Parameter, texts: tuple[str, ...]
+) -> dict[str, Any]:
+    """NAME=VALUE as JSON values, or text where VALUE is no JSON."""
+    settings = {}
+    for text in texts:
+        name, equals, value = text.partition("=")
+        if not equals:
+            raise click.BadParameter(f"{text!r} is not NAME=VALUE")
+        try:
+            settings[name] = json.loads(value)
+        except ValueError:
+            settings[name] = value
+    return settings
 
 
 @click.command()
@@ -41,6 +58,14 @@ EXISTING_FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
     default="paper",
     show_default=True,
     help="Network.",
+)
+@click.option(
+    "--set",
+    "settings",
+    multiple=True,
+    metavar="NAME=VALUE",
+    callback=_read_settings,
+    help="A setting of the network, such as patch_size=16; see model/config.py.",
 )
 @click.option("--epochs", type=click.IntRange(1), default=60, show_default=True)
 @click.option("--batch-size", type=click.IntRange(2), default=16, show_default=True)
@@ -66,6 +91,7 @@ def train(
     out: Path,
     split_file: Path | None,
     preset_name: str,
+    settings: dict[str, Any],
     epochs: int,
     batch_size: int,
     copies: int,
@@ -97,7 +123,10 @@ def train(
         raise click.UsageError(str(error)) from None
     if not any(sample.split == "val" for sample in samples):
         samples = splits.hold_out(samples, hold_out, seed)
-    config = preset(preset_name, class_names(samples))
+    try:
+        config = preset(preset_name, class_names(samples), settings)
+    except ValueError as error:
+        raise click.UsageError(f"--set: {error}") from None
     training = TrainingConfig(seed=seed, epochs=epochs, batch_size=batch_size, copies=copies)
     parts = {split: _load(samples, split, config, training) for split in SPLITS}
     versions = parts["train"].versions

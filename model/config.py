@@ -1,10 +1,12 @@
 """The network's hyper-parameters, each with its reason."""
 
 import json
+from collections.abc import Mapping
 from dataclasses import asdict
+from types import MappingProxyType
 from typing import Annotated, Any, Literal
 
-from pydantic import ConfigDict, Field, TypeAdapter, model_validator
+from pydantic import ConfigDict, Field, TypeAdapter, ValidationError, model_validator
 from pydantic.dataclasses import dataclass
 
 from model.topology import Reading
@@ -85,13 +87,23 @@ class NetworkConfig:
 # Named networks; what differs from the defaults above.
 PRESETS: dict[str, dict[str, Any]] = {
     "paper": {},
+    "learned": {"pooling": "learned"},
     "deep": {"convolutions": 2},
     "small": {"channels": (32, 64, 128)},
 }
 
 
-def preset(name: str, classes: tuple[str, ...]) -> NetworkConfig:
-    """The named network over these classes. Raises ValueError for an unknown name."""
+def preset(
+    name: str, classes: tuple[str, ...], settings: Mapping[str, Any] = MappingProxyType({})
+) -> NetworkConfig:
+    """The named network over these classes, with other settings by field name.
+
+    Raises ValueError for an unknown name, and for settings that no network can have.
+    """
     if name not in PRESETS:
         raise ValueError(f"unknown preset {name!r}; there are {', '.join(PRESETS)}")
-    return NetworkConfig(classes=classes, **PRESETS[name])
+    try:
+        return NetworkConfig(**(PRESETS[name] | settings | {"classes": classes}))
+    except ValidationError as error:
+        problems = (f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors())
+        raise ValueError("; ".join(problems)) from None

@@ -1,8 +1,10 @@
 """Configurations that no network can have are refused; the others survive JSON."""
 
 import pytest
+from click.testing import CliRunner
 
 from model.config import PRESETS, NetworkConfig, preset
+from service.cli.main import commands
 
 
 @pytest.mark.parametrize(
@@ -33,6 +35,31 @@ def test_json_round_trip(config):
 def test_other_json_is_refused(text):
     with pytest.raises(ValueError, match=r".+"):
         NetworkConfig.from_json(text)
+
+
+def test_settings_go_over_a_preset():
+    config = preset("small", ("ball", "box"), {"patch_size": 16, "pooling": "learned"})
+    assert (config.patch_size, config.pooling, config.channels) == (16, "learned", (32, 64, 128))
+    with pytest.raises(ValueError, match=r"patch_size: Input should be greater.*wide: Unexpected"):
+        preset("small", ("ball", "box"), {"patch_size": 0, "wide": True})
+
+
+@pytest.mark.parametrize(
+    ("setting", "message"),
+    [
+        ("patch_size", "'patch_size' is not NAME=VALUE"),
+        ("patch_size=none", "--set: patch_size: Input should be a valid integer"),
+        ("pooling=best", "--set: pooling: Input should be 'geometric' or 'learned'"),
+    ],
+)
+def test_a_bad_setting_is_a_usage_error(tmp_path, setting, message):
+    for label in ("a", "b"):
+        (tmp_path / label / "train").mkdir(parents=True)
+        (tmp_path / label / "train" / "x.obj").touch()
+    arguments = ["train", str(tmp_path), "--out", str(tmp_path / "run"), "--set", setting]
+    result = CliRunner().invoke(commands, arguments)
+    assert result.exit_code == 2
+    assert message in " ".join(result.output.replace("\u2502", "").split())
 
 
 def test_presets_are_networks_and_others_are_unknown():
