@@ -42,8 +42,9 @@ class NetworkConfig:
     descriptor_hidden: Size = 128
     descriptor_channels: Size = 64
     """Widths of the two layers of each descriptor; ExMeshCNN's, from which they come."""
-    axes: Literal["principal", "given"] = "principal"
-    """Axes of the descriptors' 3-vectors: the mesh's own (`model.alignment`), or its file's."""
+    axes: Literal["given", "principal"] = "given"
+    """Axes of the descriptors' 3-vectors: those of the mesh's file, or its own (`model.alignment`),
+    which suit rigid things and not those that bend."""
     absolute_offsets: bool = False
     """Take sum |v_i - c| for equation 1's first term, which as written is zero everywhere."""
     pooling: Literal["geometric", "learned"] = "geometric"
