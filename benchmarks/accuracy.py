@@ -3,9 +3,9 @@
 Runs `meshconv3d train` once for each seed, with the protocol of the command's defaults: the last
 epoch's weights are scored on the test split, once; nothing is chosen on it. With
 `--train-per-class N`, every seed also makes a random split of its own, with N meshes of each class
-to train on and the others to test on, whatever split the data comes in. An interrupted run goes
-on where it stopped, and a finished one is only read. Prints a table and keeps it as JSON in
-benchmarks/results/.
+to train on and the others to test on, whatever split the data comes in. Options that are not its
+own go to `meshconv3d train`. An interrupted run goes on where it stopped, and a finished one is
+only read. Prints a table and keeps it as JSON in benchmarks/results/.
 """
 
 import argparse
@@ -27,8 +27,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("runs"), help="folder for the runs")
     parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1, 2, 3, 4])
     parser.add_argument("--train-per-class", type=int, help="random splits of this size")
-    parser.add_argument("training", nargs="*", help="after --: options of meshconv3d train")
-    arguments = parser.parse_args()
+    arguments, training = parser.parse_known_args()
 
     name = arguments.data.name
     if arguments.train_per_class:
@@ -37,7 +36,7 @@ def main() -> None:
     for seed in arguments.seeds:
         folder = arguments.out / f"{name}-seed{seed}"
         if not (folder / "model.safetensors").exists():
-            train(arguments.data, folder, seed, arguments.train_per_class, arguments.training)
+            train(arguments.data, folder, seed, arguments.train_per_class, training)
         rows.append(row(folder, seed))
     summary = summarise(arguments.data.name, rows) | {"train_per_class": arguments.train_per_class}
     RESULTS.mkdir(exist_ok=True)
