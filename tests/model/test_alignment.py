@@ -63,8 +63,8 @@ def test_a_flip_is_a_rotation() -> None:
 @pytest.mark.parametrize("mesh", [lopsided(), sheet()], ids=["closed", "open"])
 def test_terms_do_not_depend_on_how_the_mesh_lies(mesh: Mesh) -> None:
     turned = mesh.moved(mesh.vertices @ random_rotation(np.random.default_rng(1)).T)
-    own = NetworkConfig(classes=("a",))
-    for config, same in ((own, True), (replace(own, axes="given"), False)):
+    given = NetworkConfig(classes=("a",))
+    for config, same in ((replace(given, axes="principal"), True), (given, False)):
         one, two = (prepare(m, 500)[0] for m in (mesh, turned))
         # Faces are ordered by where they lie: compare the sums over all of them.
         sums = [np.abs(mesh_inputs(m, config).terms).sum(axis=0) for m in (one, two)]

@@ -18,8 +18,9 @@ STILL = Augmentation(scale=0, jitter=0, wobble=0, flip=0)
 
 
 @pytest.fixture
-def given(config: NetworkConfig) -> NetworkConfig:
-    return replace(config, axes="given")
+def own(config: NetworkConfig) -> NetworkConfig:
+    """The network in the meshes' own axes."""
+    return replace(config, axes="principal")
 
 
 def lopsided() -> Mesh:
@@ -44,23 +45,23 @@ def test_copies_keep_their_topology(config, mesh, absolute_offsets):
     assert copy.terms.dtype == np.float32
 
 
-def test_however_it_is_turned_a_mesh_has_its_own_axes(config):
-    sample = labelled(lopsided(), config)
-    copy = STILL.apply(sample, config, np.random.default_rng(0))
+def test_however_it_is_turned_a_mesh_has_its_own_axes(own):
+    sample = labelled(lopsided(), own)
+    copy = STILL.apply(sample, own, np.random.default_rng(0))
     assert copy.terms == pytest.approx(sample.inputs.terms, abs=1e-6)
 
 
-def test_a_rotated_copy_keeps_every_distance(given):
-    sample = labelled(lopsided(), given)
-    copy = STILL.apply(sample, given, np.random.default_rng(0))
+def test_a_rotated_copy_keeps_every_distance(config):
+    sample = labelled(lopsided(), config)
+    copy = STILL.apply(sample, config, np.random.default_rng(0))
     centroids, before = copy.terms[:, 3], sample.inputs.terms[:, 3]
     assert centroids @ centroids.T == pytest.approx(before @ before.T, abs=1e-5)
     assert np.abs(centroids - before).max() > 0.1
 
 
-def test_a_flip_is_a_half_turn_about_an_axis(config):
-    sample = labelled(lopsided(), config)
-    copy = replace(STILL, flip=1).apply(sample, config, np.random.default_rng(0))
+def test_a_flip_is_a_half_turn_about_an_axis(own):
+    sample = labelled(lopsided(), own)
+    copy = replace(STILL, flip=1).apply(sample, own, np.random.default_rng(0))
     turned = [sample.inputs.terms[:, 3] * flip for flip in FLIPS[1:]]
     assert any(copy.terms[:, 3] == pytest.approx(each, abs=1e-6) for each in turned)
 
@@ -68,11 +69,11 @@ def test_a_flip_is_a_half_turn_about_an_axis(config):
 @pytest.mark.parametrize(
     "change", [{"scale": 0.2}, {"jitter": 0.01}, {"wobble": 0.1}], ids=lambda c: next(iter(c))
 )
-def test_each_movement_moves_and_its_generator_decides_how(config, change):
-    sample = labelled(lopsided(), config)
+def test_each_movement_moves_and_its_generator_decides_how(own, change):
+    sample = labelled(lopsided(), own)
     augmentation = replace(STILL, **change)
     one, same, other = (
-        augmentation.apply(sample, config, np.random.default_rng(seed)).terms for seed in (1, 1, 2)
+        augmentation.apply(sample, own, np.random.default_rng(seed)).terms for seed in (1, 1, 2)
     )
     assert (one == same).all()
     assert np.abs(one - other).max() > 1e-3
