@@ -35,7 +35,7 @@ EPOCHS = 30
 ROWS: dict[str, dict[str, Any]] = {
     "reference": {},
     "learned pooling": {"pooling": "learned"},
-    "axes of its own": {"axes": "principal"},
+    "axes of the file": {"axes": "file"},
     "K = 4": {"patch_size": 4},
     "K = 7": {"patch_size": 7},
     "K = 16": {"patch_size": 16},

@@ -21,8 +21,8 @@ import trimesh
 from export.runtime import onnxruntime
 from model.checkpoint import load_checkpoint
 from model.config import NetworkConfig
-from model.descriptors import descriptor_terms, pooling_features
-from model.inputs import collate, mesh_inputs
+from model.descriptors import pooling_features
+from model.inputs import collate, mesh_inputs, terms_of
 from model.loading import load_mesh
 from model.mesh import Mesh
 from model.network import Network, as_tensors
@@ -61,8 +61,7 @@ def stages(config: NetworkConfig, model_name: str) -> None:
     loaded = load_mesh(content, path.name)
     mesh, _ = prepare(loaded, config.face_budget)
     surface = Surface.of(mesh)
-    terms = descriptor_terms(mesh.vertices, mesh.faces, surface.twin, config.absolute_offsets)
-    features = pooling_features(terms)
+    features = pooling_features(mesh.vertices, mesh.faces)
     adjacency = sort_adjacency(surface.twin, surface.lengths)
     inputs = mesh_inputs(mesh, config)
     arrays = collate([inputs])
@@ -72,9 +71,7 @@ def stages(config: NetworkConfig, model_name: str) -> None:
         "prepare": lambda: prepare(loaded, config.face_budget),
         "topology + descriptors": lambda: mesh_inputs(mesh, config),
         "  twins": lambda: find_twins(mesh.faces, len(mesh.vertices)),
-        "  descriptor terms": lambda: descriptor_terms(
-            mesh.vertices, mesh.faces, surface.twin, config.absolute_offsets
-        ),
+        "  descriptor terms": lambda: terms_of(mesh.vertices, mesh.faces, surface, config),
         f"  patches, K = {config.patch_size}": lambda: grow_patches(adjacency, config.patch_size),
         f"  one pooling, to {config.targets[0]}": lambda: pool_faces(
             surface.twin, features, config.targets[0], True, True
@@ -97,8 +94,9 @@ def growth(config: NetworkConfig, sizes: list[int]) -> None:
 
         def build(mesh: Mesh = mesh, targets: list[int] = targets) -> None:
             surface = Surface.of(mesh)
-            terms = descriptor_terms(mesh.vertices, mesh.faces, surface.twin, False)
-            build_topology(surface, pooling_features(terms), config.patch_size, targets)
+            terms_of(mesh.vertices, mesh.faces, surface, config)
+            features = pooling_features(mesh.vertices, mesh.faces)
+            build_topology(surface, features, config.patch_size, targets)
 
         elapsed = measure(build)
         counts.append(len(mesh.faces))

@@ -4,11 +4,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from model.alignment import FLIPS, into_principal_axes
 from model.config import NetworkConfig
 from model.datasets import LabelledMesh
-from model.descriptors import descriptor_terms
-from model.inputs import MeshInputs
+from model.inputs import MeshInputs, terms_of
 from model.preparation import into_unit_sphere
 
 
@@ -18,33 +16,23 @@ class Augmentation:
 
     scale: stretch each axis by a random factor in 1 - scale to 1 + scale, after a random rotation,
     so in any direction of the mesh. jitter: standard deviation of vertex noise, in radii of the
-    unit sphere. wobble: standard deviation of noise on the moments that give a mesh its axes, in
-    shares of their trace. flip: how often the axes point another way.
+    unit sphere.
     """
 
     scale: float = 0.15
     jitter: float = 0.002
-    wobble: float = 0.02
-    flip: float = 0.6
 
     def apply(
         self, sample: LabelledMesh, config: NetworkConfig, rng: np.random.Generator
     ) -> MeshInputs:
         """A moved copy as network inputs: new descriptor terms over the same topology."""
-        faces = sample.mesh.faces
+        faces, surface = sample.mesh.faces, sample.inputs.surface
         # A class does not depend on how its mesh was laid down.
         vertices = sample.mesh.vertices @ random_rotation(rng).T
         vertices = vertices * rng.uniform(1 - self.scale, 1 + self.scale, 3)
         vertices = vertices + rng.normal(0.0, self.jitter, vertices.shape)
         vertices = into_unit_sphere(vertices, faces)
-        if config.axes == "principal":
-            wobble = rng.normal(0.0, self.wobble, (3, 3))
-            vertices = into_principal_axes(vertices, faces, (wobble + wobble.T) / 2)
-            if rng.random() < self.flip:
-                vertices = vertices * FLIPS[rng.integers(1, len(FLIPS))]
-        twin = sample.inputs.surface.twin
-        terms = descriptor_terms(vertices, faces, twin, config.absolute_offsets)
-        return replace(sample.inputs, terms=terms)
+        return replace(sample.inputs, terms=terms_of(vertices, faces, surface, config))
 
 
 def random_rotation(rng: np.random.Generator) -> np.ndarray:

@@ -42,9 +42,9 @@ class NetworkConfig:
     descriptor_hidden: Size = 128
     descriptor_channels: Size = 64
     """Widths of the two layers of each descriptor; ExMeshCNN's, from which they come."""
-    axes: Literal["given", "principal"] = "given"
-    """Axes of the descriptors' 3-vectors: those of the mesh's file, or its own (`model.alignment`),
-    which suit rigid things and not those that bend."""
+    axes: Literal["face", "file"] = "face"
+    """Axes of the descriptors' 3-vectors: each face's own, which turn with it, or those of the
+    mesh's file."""
     absolute_offsets: bool = False
     """Take sum |v_i - c| for equation 1's first term, which as written is zero everywhere."""
     pooling: Literal["geometric", "learned"] = "geometric"

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from model.alignment import into_principal_axes
 from model.config import NetworkConfig
 from model.descriptors import descriptor_terms, pooling_features
 from model.mesh import Mesh
@@ -29,16 +28,21 @@ class MeshInputs:
 def mesh_inputs(mesh: Mesh, config: NetworkConfig) -> MeshInputs:
     """Descriptor terms and topology of a prepared mesh."""
     surface = Surface.of(mesh)
-    vertices = mesh.vertices
-    if config.axes == "principal":
-        vertices = into_principal_axes(vertices, mesh.faces)
-    terms = descriptor_terms(vertices, mesh.faces, surface.twin, config.absolute_offsets)
+    terms = terms_of(mesh.vertices, mesh.faces, surface, config)
     if config.pooling == "learned":
         return MeshInputs(terms, surface, None)
-    topology = build_topology(
-        surface, pooling_features(terms), config.patch_size, config.targets, config.reading
-    )
+    features = pooling_features(mesh.vertices, mesh.faces)
+    topology = build_topology(surface, features, config.patch_size, config.targets, config.reading)
     return MeshInputs(terms, surface, topology)
+
+
+def terms_of(
+    vertices: NDArray[np.float64], faces: NDArray[np.int32], surface: Surface, config: NetworkConfig
+) -> NDArray[np.float32]:
+    """Descriptor terms as a network reads them, F x D x 3; see `descriptor_terms`."""
+    return descriptor_terms(
+        vertices, faces, surface.twin, config.absolute_offsets, config.axes == "face"
+    )
 
 
 def input_names(config: NetworkConfig) -> list[str]:

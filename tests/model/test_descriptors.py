@@ -1,5 +1,7 @@
 """Descriptor terms against the paper's equations, written as they stand."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -9,21 +11,39 @@ from model.augmentation import random_rotation
 from model.descriptors import (
     GEODESIC_TERMS,
     GEOMETRIC_TERMS,
+    SHORTEST_TANGENT,
     descriptor_terms,
     pooling_features,
 )
 from model.mesh import Mesh
 from model.topology import Surface
-from tests.meshes import cube, sheet, torus
+from tests.meshes import cube, icosphere, sheet, torus
 from tests.surfaces import triangles
 
 
-def terms_of(mesh: Mesh, absolute_offsets: bool = False) -> np.ndarray:
-    return descriptor_terms(mesh.vertices, mesh.faces, Surface.of(mesh).twin, absolute_offsets)
+def terms_of(mesh: Mesh, absolute_offsets: bool = False, face_axes: bool = False) -> np.ndarray:
+    twin = Surface.of(mesh).twin
+    return descriptor_terms(mesh.vertices, mesh.faces, twin, absolute_offsets, face_axes)
 
 
-def by_the_equations(mesh: Mesh, absolute_offsets: bool) -> np.ndarray:
-    """Equations 1 and 2 face by face, in float64."""
+def own_axes(mesh: Mesh) -> list[np.ndarray]:
+    """The axes of each face as rows: normal, away from the origin, across both."""
+    found = []
+    for face in mesh.vertices[mesh.faces]:
+        centroid, normal = face.mean(axis=0), np.cross(face[1] - face[0], face[2] - face[0])
+        normal /= np.linalg.norm(normal)
+        outward = centroid - centroid @ normal * normal
+        if np.linalg.norm(outward) < SHORTEST_TANGENT:
+            outward = max(face - centroid, key=np.linalg.norm)
+        outward /= np.linalg.norm(outward)
+        found.append(np.array([normal, outward, np.cross(normal, outward)]))
+    return found
+
+
+def by_the_equations(
+    mesh: Mesh, absolute_offsets: bool, axes: Sequence[np.ndarray] | None = None
+) -> np.ndarray:
+    """Equations 1 and 2 face by face, in float64, along axes of each face."""
     twin = Surface.of(mesh).twin
     corners = mesh.vertices[mesh.faces]
     centroid = [face.mean(axis=0) for face in corners]
@@ -35,7 +55,8 @@ def by_the_equations(mesh: Mesh, absolute_offsets: bool) -> np.ndarray:
 
     terms = []
     for f, face in enumerate(mesh.faces.tolist()):
-        offsets = [mesh.vertices[v] - centroid[f] for v in face]
+        along = np.eye(3) if axes is None else axes[f]
+        offsets = [along @ (mesh.vertices[v] - centroid[f]) for v in face]
         across = {s: twin[3 * f + s] // 3 for s in range(3) if twin[3 * f + s] >= 0}
         # The apex of a neighbour is its corner that is not on the shared side.
         apex = {}
@@ -47,17 +68,17 @@ def by_the_equations(mesh: Mesh, absolute_offsets: bool) -> np.ndarray:
             at_corner = [s for s in apex if face[corner] in (face[s], face[(s + 1) % 3])]
             if len(at_corner) == 2:
                 e1, e2 = (mesh.vertices[apex[s]] - mesh.vertices[face[corner]] for s in at_corner)
-                differences += np.abs(e1 - e2)
+                differences += np.abs(along @ (e1 - e2))
         near = across.values()
         terms.append(
             [
                 np.sum(np.abs(offsets) if absolute_offsets else offsets, axis=0),
-                np.sum([vertex_normal(v) for v in face], axis=0),
+                along @ np.sum([vertex_normal(v) for v in face], axis=0),
                 differences,
-                centroid[f],
-                normal[f],
-                sum((np.abs(centroid[f] - centroid[g]) for g in near), np.zeros(3)),
-                sum((np.abs(np.cross(normal[f], normal[g])) for g in near), np.zeros(3)),
+                along @ centroid[f],
+                along @ normal[f],
+                sum((np.abs(along @ (centroid[f] - centroid[g])) for g in near), np.zeros(3)),
+                sum((np.abs(along @ np.cross(normal[f], normal[g])) for g in near), np.zeros(3)),
             ]
         )
     return np.array(terms)
@@ -70,6 +91,24 @@ def test_terms_are_those_of_the_equations_on_any_surface(surface, absolute_offse
     assert terms.shape == (len(mesh.faces), len(GEODESIC_TERMS + GEOMETRIC_TERMS), 3)
     assert terms.dtype == np.float32
     assert terms == pytest.approx(by_the_equations(mesh, absolute_offsets), abs=2e-5)
+
+
+@pytest.mark.parametrize("mesh", [torus(), sheet(), icosphere(2)], ids=["closed", "open", "ball"])
+@pytest.mark.parametrize("absolute_offsets", [False, True])
+def test_terms_along_the_axes_of_each_face(mesh, absolute_offsets):
+    terms = terms_of(mesh, absolute_offsets, face_axes=True)
+    expected = by_the_equations(mesh, absolute_offsets, own_axes(mesh))
+    assert terms == pytest.approx(expected, abs=2e-5)
+
+
+@pytest.mark.parametrize("mesh", [torus(), sheet()], ids=["closed", "open"])
+@given(seed=st.integers(0, 2**32 - 1))
+@settings(max_examples=20)
+def test_no_rotation_changes_terms_along_the_axes_of_each_face(mesh, seed):
+    rotation = random_rotation(np.random.default_rng(seed))
+    turned = mesh.moved(mesh.vertices @ rotation.T)
+    before, after = (terms_of(m, True, face_axes=True) for m in (mesh, turned))
+    assert after == pytest.approx(before, abs=1e-5)
 
 
 def test_the_first_term_is_zero_as_written_and_not_in_absolute_values():
@@ -90,6 +129,7 @@ def test_a_face_without_area_has_no_normal():
         np.array([[0, 1, 2]], np.int32),
         np.full(3, -1, np.int32),
         False,
+        True,
     )
     assert np.isfinite(terms).all()
     assert (terms[0, 4] == 0).all()
@@ -126,8 +166,10 @@ def test_moving_the_mesh_moves_only_the_centroid():
 
 
 def test_pooling_compares_centroid_and_normal():
-    terms = terms_of(torus())
-    features = pooling_features(terms)
+    mesh = torus()
+    terms = terms_of(mesh)
+    features = pooling_features(mesh.vertices, mesh.faces)
+    assert features.dtype == np.float32
     assert (features[:, :3] == terms[:, 3]).all()
     assert (features[:, 3:] == terms[:, 4]).all()
     assert features.flags.c_contiguous

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from model.descriptors import descriptor_terms, pooling_features
+from model.descriptors import pooling_features
 from model.loading import load_mesh
 from model.mesh import Mesh
 from model.preparation import prepare
@@ -106,8 +106,9 @@ def test_all_of_shrec11_reaches_its_targets_and_every_level_is_sound(shrec):
     for path in sorted(shrec.glob("*/*/*.obj")):
         mesh, _ = prepare(load_mesh(path), 500)
         surface = Surface.of(mesh)
-        terms = descriptor_terms(mesh.vertices, mesh.faces, surface.twin, False)
-        counts.append(pool_levels(surface, pooling_features(terms), [400, 300, 200])[1:])
+        counts.append(
+            pool_levels(surface, pooling_features(mesh.vertices, mesh.faces), [400, 300, 200])[1:]
+        )
     below = np.array([400, 300, 200]) - counts
     assert len(counts) == 600
     assert (below >= 0).all()
