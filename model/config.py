@@ -104,7 +104,7 @@ def preset(
     if name not in PRESETS:
         raise ValueError(f"unknown preset {name!r}; there are {', '.join(PRESETS)}")
     try:
-        return NetworkConfig(**(PRESETS[name] | settings | {"classes": classes}))
+        return NetworkConfig(**{**PRESETS[name], **settings, "classes": classes})
     except ValidationError as error:
         problems = (f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors())
         raise ValueError("; ".join(problems)) from None

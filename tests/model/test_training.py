@@ -185,13 +185,13 @@ def test_validation_figures_join_the_record(shapes, tmp_path):
 
 
 def test_three_shapes_are_learnt(shapes, tmp_path):
-    trainer = Trainer(CONFIG, replace(TRAINING, epochs=12), shapes, tmp_path)
+    trainer = Trainer(CONFIG, replace(TRAINING, epochs=20), shapes, tmp_path)
     checkpoint = trainer.run(ignore)
     assert trainer.history[-1]["loss"] < trainer.history[0]["loss"]
     assert trainer.history[-1]["train_accuracy"] >= 0.9
     assert accuracy(checkpoint.network, LoadedSamples(shapes, 0)) >= 0.9
     assert not checkpoint.network.training
-    assert checkpoint.training["protocol"]["epochs"] == 12
+    assert checkpoint.training["protocol"]["epochs"] == 20
 
 
 def test_prediction_does_not_depend_on_the_batch(shapes, uninterrupted):

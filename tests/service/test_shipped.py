@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.shapes import make_shapes
 from model.datasets import find_samples
 from model.samples import sample_paths
 from service.classifier import Classifier
@@ -15,22 +16,41 @@ def classifier() -> Classifier:
     return Classifier.load(DEFAULT_MODEL)
 
 
-def test_every_shipped_model_passes_its_self_test_and_is_small():
+def test_every_shipped_model_passes_its_self_test_and_all_are_small():
     models = shipped_models()
-    assert DEFAULT_MODEL in models
-    for name, path in models.items():
-        assert path.stat().st_size <= 3_000_000
+    assert set(models) == {DEFAULT_MODEL, "objects"}
+    assert sum(path.stat().st_size for path in models.values()) < 10_000_000
+    for name in models:
         Classifier.load(name).self_test()
+
+
+@pytest.mark.parametrize("name", shipped_models())
+def test_every_shipped_model_is_calibrated_and_carries_its_documentation(name: str):
+    card = Classifier.load(name).model.card
+    assert card.name == name
+    assert card.calibration is not None
+    text = Path(__file__).parents[2] / "docs" / "models" / f"{name}.md"
+    assert card.about == text.read_text(encoding="utf-8")
+
+
+def test_no_shape_without_a_class_is_known(classifier: Classifier):
+    shapes = list(make_shapes(of_each=3, seed=1))
+    unknown = [classifier.classify_mesh(shape).unknown for shape in shapes]
+    assert sum(map(bool, unknown)) >= 0.95 * len(shapes)
 
 
 @pytest.mark.parametrize("label", sample_paths())
 def test_the_samples_are_classified_right(classifier: Classifier, label: str):
-    assert classifier.classify(sample_paths()[label]).label == label
+    result = classifier.classify(sample_paths()[label])
+    assert result.label == label
+    assert not result.unknown
 
 
 def test_accuracy_on_real_test_files_is_what_the_card_says(classifier: Classifier, shrec: Path):
     samples = [sample for sample in find_samples(shrec) if sample.split == "test"]
     card = classifier.model.card
     assert len(samples) == card.accuracy["test_meshes"]
-    right = sum(classifier.classify(sample.path).label == sample.label for sample in samples)
+    results = [classifier.classify(sample.path) for sample in samples]
+    right = sum(r.label == s.label for r, s in zip(results, samples, strict=True))
     assert right / len(samples) == pytest.approx(card.accuracy["test"], abs=1e-4)
+    assert sum(bool(result.unknown) for result in results) <= 0.05 * len(samples)
