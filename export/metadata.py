@@ -51,7 +51,7 @@ class ModelCard:
     parity: dict[str, Any]
     calibration: Calibration | None
     probe: Probe
-    about: str = ""
+    about: str
     format_version: Version = FORMAT_VERSION
 
     @model_validator(mode="after")

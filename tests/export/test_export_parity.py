@@ -19,6 +19,12 @@ from model.network import Network, as_tensors
 from tests.meshes import cube, icosphere, moebius, sheet, together, torus
 from tests.networks import untrained
 
+
+def dented(mesh: Mesh) -> Mesh:
+    noise = np.random.default_rng(0).normal(0, 0.01, mesh.vertices.shape)
+    return mesh.moved(mesh.vertices + noise)
+
+
 # Not prepared: the graph must bear any number of faces, down to one.
 MESHES: Mapping[str, Mesh] = {
     "closed": torus(),
@@ -27,7 +33,8 @@ MESHES: Mapping[str, Mesh] = {
     "two loose faces": together(Mesh(np.eye(3), [[0, 1, 2]]), Mesh(np.eye(3) + 3, [[0, 1, 2]])),
     "components": together(torus(12, 6), cube(), sheet(3, 2)),
     "one-sided": moebius(),
-    "large": icosphere(3),
+    # Dented: faces that are exactly alike tie in learned pooling, where rounding chooses.
+    "large": dented(icosphere(3)),
 }
 CONFIGS = {
     "reference": {},

@@ -19,6 +19,7 @@ CARD = ModelCard(
     parity={"scores": 2.5e-7, "meshes": 10},
     calibration=Calibration(temperature=1.5, novelty_limit=-3.25, meshes=360),
     probe=Probe("ants", (1.5, -2.25, 0.0)),
+    about="# Things\n",
 )
 
 
