@@ -3,8 +3,8 @@
 The settings were chosen by three-fold cross-validation inside the training meshes of objects69,
 and looked at on its validation meshes. There, with the same descriptors, LightGBM was better and
 three times faster than scikit-learn's histogram boosting, and random thresholds (`extra_trees`)
-were what helped most: with 20 meshes a class, the best threshold is mostly luck. Stretched copies of the training meshes
-brought half a per cent at three times the time, and were left out.
+were what helped most: with 20 meshes a class, the best threshold is mostly luck. Stretched copies
+of the training meshes brought half a per cent at three times the time, and were left out.
 """
 
 from dataclasses import dataclass
