@@ -12,6 +12,8 @@ GEOMETRIC_TERMS = ("centroid", "normal", "centroid differences", "normal cross p
 # In radii of the unit sphere. A shorter vector points nowhere in particular.
 SHORTEST_TANGENT = 1e-3
 
+Vector = tuple[float, float, float]
+
 
 @kernel
 def descriptor_terms(
@@ -39,44 +41,40 @@ def descriptor_terms(
     term in 2. The normal of a face without area is zero. Components are those along the axes of
     the file or, with face_axes, along those of each face, see `_face_axes`.
     """
-    count = len(faces)
     centroids, normals = _measure_faces(vertices, faces)
     vertex_normals = _average_normals(normals, faces, len(vertices))
-    terms = np.zeros((count, 7, 3), np.float32)
-    row = np.empty((7, 3))
-    axes = np.eye(3)
-    step = np.empty(3)
-    apexes = np.empty(3, np.int32)
-    for f in range(count):
+    terms = np.zeros((len(faces), 7, 3), np.float32)
+    axes = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    for f in range(len(faces)):
+        centroid, normal = _row(centroids, f), _row(normals, f)
         if face_axes:
-            _face_axes(vertices, faces[f], centroids[f], normals[f], axes)
-        row[:] = 0.0
-        _add_components(axes, centroids[f], row[3])
-        _add_components(axes, normals[f], row[4])
+            axes = _face_axes(vertices, faces[f], centroid, normal)
+        offsets = corner_normals = apex_differences = (0.0, 0.0, 0.0)
+        centroid_differences = normal_products = (0.0, 0.0, 0.0)
         for s in range(3):
-            corner = faces[f, s]
-            step[:] = vertices[corner] - centroids[f]
-            if absolute_offsets:
-                _add_magnitudes(axes, step, row[0])
-            else:
-                _add_components(axes, step, row[0])
-            _add_components(axes, vertex_normals[corner], row[1])
-            t = twin[3 * f + s]
-            apexes[s] = -1 if t < 0 else faces[t // 3, (t % 3 + 2) % 3]
+            offset = _along(axes, _subtract(_row(vertices, faces[f, s]), centroid))
+            offsets = _add(offsets, _magnitudes(offset) if absolute_offsets else offset)
+            corner_normals = _add(corner_normals, _row(vertex_normals, faces[f, s]))
+            t, before = twin[3 * f + s], twin[3 * f + (s + 2) % 3]
             if t >= 0:
-                g = t // 3
-                step[:] = centroids[f] - centroids[g]
-                _add_magnitudes(axes, step, row[5])
-                _cross(normals[f], normals[g], step)
-                _add_magnitudes(axes, step, row[6])
-        for s in range(3):
-            # Corner s lies between side s and the side before it. Both edges start at the corner,
-            # so that their difference is that of the apexes.
-            one, other = apexes[s], apexes[(s + 2) % 3]
-            if one >= 0 and other >= 0:
-                step[:] = vertices[one] - vertices[other]
-                _add_magnitudes(axes, step, row[2])
-        terms[f] = row
+                step = _subtract(centroid, _row(centroids, t // 3))
+                centroid_differences = _add(centroid_differences, _magnitudes(_along(axes, step)))
+                product = _cross(normal, _row(normals, t // 3))
+                normal_products = _add(normal_products, _magnitudes(_along(axes, product)))
+            if t >= 0 and before >= 0:
+                # Corner s lies between side s and the side before it. Both edges start at the
+                # corner, so that their difference is that of the apexes.
+                step = _subtract(
+                    _row(vertices, _apex(faces, t)), _row(vertices, _apex(faces, before))
+                )
+                apex_differences = _add(apex_differences, _magnitudes(_along(axes, step)))
+        _write(terms[f, 0], offsets)
+        _write(terms[f, 1], _along(axes, corner_normals))
+        _write(terms[f, 2], apex_differences)
+        _write(terms[f, 3], _along(axes, centroid))
+        _write(terms[f, 4], _along(axes, normal))
+        _write(terms[f, 5], centroid_differences)
+        _write(terms[f, 6], normal_products)
     return terms
 
 
@@ -96,69 +94,35 @@ def pooling_features(
 
 @kernel
 def _face_axes(
-    vertices: NDArray[np.float64],
-    face: NDArray[np.int32],
-    centroid: NDArray[np.float64],
-    normal: NDArray[np.float64],
-    axes: NDArray[np.float64],
-) -> None:
-    """Write a face's own axes as rows: normal, away from the mesh's centre, and across both.
+    vertices: NDArray[np.float64], face: NDArray[np.int32], centroid: Vector, normal: Vector
+) -> tuple[Vector, Vector, Vector]:
+    """A face's own axes: normal, away from the mesh's centre, and across both.
 
     Where the normal itself points away from the centre, the second axis points to the farthest
     corner instead. No rotation of the mesh changes a component along these axes.
     """
-    axes[0] = normal
-    if not _write_tangent(centroid, normal, axes[1]):
-        farthest, most = 0, -1.0
+    tangent = _in_plane(centroid, normal)
+    if _length(tangent) < SHORTEST_TANGENT:
+        farthest = (0.0, 0.0, 0.0)
         for s in range(3):
-            distance = 0.0
-            for k in range(3):
-                distance += (vertices[face[s], k] - centroid[k]) ** 2
-            if distance > most:
-                farthest, most = s, distance
-        _write_tangent(vertices[face[farthest]] - centroid, normal, axes[1])
-    _cross(axes[0], axes[1], axes[2])
+            offset = _subtract(_row(vertices, face[s]), centroid)
+            if _dot(offset, offset) > _dot(farthest, farthest):
+                farthest = offset
+        tangent = _in_plane(farthest, normal)
+    tangent = _scale(tangent, 1 / max(_length(tangent), SHORTEST_TANGENT))
+    return normal, tangent, _cross(normal, tangent)
 
 
 @kernel
-def _write_tangent(
-    direction: NDArray[np.float64], normal: NDArray[np.float64], tangent: NDArray[np.float64]
-) -> bool:
-    """The unit vector of a direction's part in the plane of a face; false where that is none."""
-    upward = 0.0
-    for k in range(3):
-        upward += direction[k] * normal[k]
-    square = 0.0
-    for k in range(3):
-        tangent[k] = direction[k] - upward * normal[k]
-        square += tangent[k] ** 2
-    length = np.sqrt(square)
-    for k in range(3):
-        tangent[k] /= max(length, SHORTEST_TANGENT)
-    return length >= SHORTEST_TANGENT
+def _in_plane(direction: Vector, normal: Vector) -> Vector:
+    """A direction's part in the plane of a face."""
+    return _subtract(direction, _scale(normal, _dot(direction, normal)))
 
 
 @kernel
-def _add_components(
-    axes: NDArray[np.float64], vector: NDArray[np.float64], out: NDArray[np.float64]
-) -> None:
-    for k in range(3):
-        out[k] += axes[k, 0] * vector[0] + axes[k, 1] * vector[1] + axes[k, 2] * vector[2]
-
-
-@kernel
-def _add_magnitudes(
-    axes: NDArray[np.float64], vector: NDArray[np.float64], out: NDArray[np.float64]
-) -> None:
-    for k in range(3):
-        out[k] += abs(axes[k, 0] * vector[0] + axes[k, 1] * vector[1] + axes[k, 2] * vector[2])
-
-
-@kernel
-def _cross(a: NDArray[np.float64], b: NDArray[np.float64], out: NDArray[np.float64]) -> None:
-    for k in range(3):
-        i, j = (k + 1) % 3, (k + 2) % 3
-        out[k] = a[i] * b[j] - a[j] * b[i]
+def _apex(faces: NDArray[np.int32], half_edge: int) -> int:
+    """The vertex of a half-edge's face that is not on it."""
+    return faces[half_edge // 3, (half_edge % 3 + 2) % 3]
 
 
 @kernel
@@ -169,27 +133,17 @@ def _measure_faces(
     centroids = np.zeros((len(faces), 3))
     normals = np.zeros((len(faces), 3))
     for f in range(len(faces)):
-        _measure_face(vertices, faces[f], centroids[f], normals[f])
+        a, b, c = (
+            _row(vertices, faces[f, 0]),
+            _row(vertices, faces[f, 1]),
+            _row(vertices, faces[f, 2]),
+        )
+        _write(centroids[f], _scale(_add(_add(a, b), c), 1 / 3))
+        across = _cross(_subtract(b, a), _subtract(c, a))
+        length = _length(across)
+        if length > 0:
+            _write(normals[f], _scale(across, 1 / length))
     return centroids, normals
-
-
-@kernel
-def _measure_face(
-    vertices: NDArray[np.float64],
-    face: NDArray[np.int32],
-    centroid: NDArray[np.float64],
-    normal: NDArray[np.float64],
-) -> None:
-    """Write a face's centroid and unit normal, zero where the face has no area."""
-    a, b, c = vertices[face[0]], vertices[face[1]], vertices[face[2]]
-    for k in range(3):
-        i, j = (k + 1) % 3, (k + 2) % 3
-        centroid[k] = (a[k] + b[k] + c[k]) / 3
-        normal[k] = (b[i] - a[i]) * (c[j] - a[j]) - (b[j] - a[j]) * (c[i] - a[i])
-    length = np.sqrt(normal[0] ** 2 + normal[1] ** 2 + normal[2] ** 2)
-    if length > 0:
-        for k in range(3):
-            normal[k] /= length
 
 
 @kernel
@@ -197,14 +151,67 @@ def _average_normals(
     normals: NDArray[np.float64], faces: NDArray[np.int32], vertex_count: int
 ) -> NDArray[np.float64]:
     """Mean of the face normals around every vertex: V x 3."""
-    sums = np.zeros((vertex_count, 3))
+    means = np.zeros((vertex_count, 3))
     around = np.zeros(vertex_count, np.int32)
     for f in range(len(faces)):
         for s in range(3):
-            around[faces[f, s]] += 1
-            for k in range(3):
-                sums[faces[f, s], k] += normals[f, k]
+            v = faces[f, s]
+            around[v] += 1
+            _write(means[v], _add(_row(means, v), _row(normals, f)))
     for v in range(vertex_count):
-        for k in range(3):
-            sums[v, k] /= max(around[v], 1)
-    return sums
+        _write(means[v], _scale(_row(means, v), 1 / max(around[v], 1)))
+    return means
+
+
+# 3-vectors are tuples here: they stay in registers, where an array would be allocated.
+
+
+@kernel
+def _row(table: NDArray, i: int) -> Vector:
+    return table[i, 0], table[i, 1], table[i, 2]
+
+
+@kernel
+def _write(out: NDArray, a: Vector) -> None:
+    out[0], out[1], out[2] = a
+
+
+@kernel
+def _add(a: Vector, b: Vector) -> Vector:
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+@kernel
+def _subtract(a: Vector, b: Vector) -> Vector:
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+@kernel
+def _scale(a: Vector, factor: float) -> Vector:
+    return a[0] * factor, a[1] * factor, a[2] * factor
+
+
+@kernel
+def _dot(a: Vector, b: Vector) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@kernel
+def _cross(a: Vector, b: Vector) -> Vector:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@kernel
+def _length(a: Vector) -> float:
+    return np.sqrt(_dot(a, a))
+
+
+@kernel
+def _magnitudes(a: Vector) -> Vector:
+    return abs(a[0]), abs(a[1]), abs(a[2])
+
+
+@kernel
+def _along(axes: tuple[Vector, Vector, Vector], a: Vector) -> Vector:
+    """Components along three axes."""
+    return _dot(axes[0], a), _dot(axes[1], a), _dot(axes[2], a)
