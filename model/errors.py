@@ -11,7 +11,7 @@ class MeshError(ValueError):
         super().__init__(message)
         self.fault = fault
 
-    def __reduce__(self) -> tuple[type, tuple[str, str]]:
+    def __reduce__(self) -> tuple[type, tuple]:
         # The default would rebuild from `args` alone and fail across process boundaries.
         return type(self), (self.fault, str(self))
 
@@ -26,3 +26,19 @@ class MalformedFile(MeshError):
 
 class UnusableMesh(MeshError):
     """The file was read, but what it holds is no mesh that can be classified."""
+
+
+class LimitExceeded(MeshError):
+    """The file holds more than is read. `limit` names the limit, `value` is what it is."""
+
+    def __init__(self, limit: str, value: int, found: str) -> None:
+        super().__init__(
+            f"too-many-{limit}",
+            f"{found}, more than the limit of {value}; simplify the mesh or split it up",
+        )
+        self.limit = limit
+        self.value = value
+        self._found = found
+
+    def __reduce__(self) -> tuple[type, tuple]:
+        return type(self), (self.limit, self.value, self._found)

@@ -11,6 +11,7 @@ gltf, 3mf) are checked, cut down to their triangles, and read by trimesh (`scene
 
 from model.loading.folders import find_meshes
 from model.loading.formats import FORMATS, Format, detect_format
+from model.loading.limits import Limits
 from model.loading.load import load_mesh
 
-__all__ = ["FORMATS", "Format", "detect_format", "find_meshes", "load_mesh"]
+__all__ = ["FORMATS", "Format", "Limits", "detect_format", "find_meshes", "load_mesh"]

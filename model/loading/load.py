@@ -7,6 +7,7 @@ from pathlib import Path
 from model.errors import MalformedFile, MeshError
 from model.loading.formats import Format, detect_format
 from model.loading.gltf import read_glb, read_gltf
+from model.loading.limits import Limits
 from model.loading.obj import read_obj
 from model.loading.off import read_off
 from model.loading.ply import read_ply
@@ -26,15 +27,18 @@ _READERS: dict[str, Callable[[bytes], Triangles]] = {
 }
 
 
-def load_mesh(source: str | os.PathLike[str] | bytes, name: str | None = None) -> Mesh:
+def load_mesh(
+    source: str | os.PathLike[str] | bytes, name: str | None = None, limits: Limits | None = None
+) -> Mesh:
     """All triangles of a mesh file: scenes flattened, polygons split, nothing welded or cleaned.
 
     source: a path, or the bytes of a file.
     name: the declared file name or extension ("cup.STL", "stl"). A path declares its own; bytes
         without a name are judged by their content.
+    limits: the most that the file may hold; with None, the defaults.
 
-    Raises UnknownFormat, MalformedFile or UnusableMesh, whatever the bytes are; and OSError
-    (FileNotFoundError, ...) when a path cannot be read.
+    Raises UnknownFormat, MalformedFile, LimitExceeded or UnusableMesh, whatever the bytes are; and
+    OSError (FileNotFoundError, ...) when a path cannot be read.
     """
     if isinstance(source, (bytes, bytearray, memoryview)):
         data = bytes(source)
@@ -42,7 +46,11 @@ def load_mesh(source: str | os.PathLike[str] | bytes, name: str | None = None) -
         path = Path(source)
         data = path.read_bytes()
         name = path.suffix if name is None else name
-    return Mesh(*_read(data, detect_format(data, name)))
+    vertices, faces = _read(data, detect_format(data, name))
+    limits = limits or Limits()
+    limits.check("vertices", len(vertices))
+    limits.check("faces", len(faces))
+    return Mesh(vertices, faces)
 
 
 def _read(data: bytes, known: Format) -> Triangles:

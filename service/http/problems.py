@@ -9,7 +9,7 @@ from pydantic import BaseModel, Field
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
 
-from model.errors import MalformedFile, MeshError, UnknownFormat, UnusableMesh
+from model.errors import LimitExceeded, MalformedFile, MeshError, UnknownFormat, UnusableMesh
 from service.http.uploads import UploadTooLarge
 
 PROBLEM_JSON = "application/problem+json"
@@ -18,6 +18,7 @@ STATUSES: dict[type[MeshError], HTTPStatus] = {
     MalformedFile: HTTPStatus.BAD_REQUEST,
     UnknownFormat: HTTPStatus.UNSUPPORTED_MEDIA_TYPE,
     UnusableMesh: HTTPStatus.UNPROCESSABLE_ENTITY,
+    LimitExceeded: HTTPStatus.REQUEST_ENTITY_TOO_LARGE,
 }
 
 
@@ -42,7 +43,7 @@ RESPONSES: dict[int | str, dict] = {
     for status, description in {
         400: "The request or the file is malformed.",
         404: "There is no such thing here.",
-        413: "The body is larger than the service accepts.",
+        413: "The body is larger, or the file holds more, than the service accepts.",
         415: "The format is not one that is read, or contradicts the content.",
         422: "The file was read, but holds no mesh that can be classified.",
     }.items()
@@ -54,7 +55,8 @@ def install_problem_handlers(app: FastAPI) -> None:
 
     @app.exception_handler(MeshError)
     async def mesh_error(request: Request, error: MeshError) -> JSONResponse:
-        return problem(request, STATUSES[type(error)], error.fault, str(error))
+        limit = error.value if isinstance(error, LimitExceeded) else None
+        return problem(request, STATUSES[type(error)], error.fault, str(error), limit)
 
     @app.exception_handler(UploadTooLarge)
     async def too_large(request: Request, error: UploadTooLarge) -> JSONResponse:
