@@ -1,0 +1,11 @@
+"""Mesh files are read and classified in processes of their own, which a file may break.
+
+`tasks` is what runs in such a process, `limits` what the system holds it to, `pool` keeps the
+processes alive and hands them work. None of it knows of HTTP.
+"""
+
+from service.workers.pool import WorkerPool
+from service.workers.tasks import Record, Setup, Work
+from service.workers.worker import DeadlineExceeded
+
+__all__ = ["DeadlineExceeded", "Record", "Setup", "WorkerPool", "Work"]
