@@ -6,6 +6,7 @@ import threading
 from concurrent.futures import Future
 from typing import Any
 
+from export.metadata import ModelFileError
 from service.workers.tasks import Record, Setup, Work
 from service.workers.worker import NotStarted, Worker
 
@@ -46,13 +47,17 @@ class WorkerPool:
     def start(self) -> None:
         """Start all workers and wait until they are warm; then `models` says what they serve.
 
-        Raises ModelFileError or SelfTestError for a model that cannot serve.
+        Raises ModelFileError or SelfTestError for a model that cannot serve, and for two of one
+        name.
         """
         for seat in self._seats:
             seat.start()
         for seat in self._seats:
             described = seat.warm.result()
         self.models = {model["name"]: model for model in described}
+        if len(self.models) < len(described):
+            names = ", ".join(model["name"] for model in described)
+            raise ModelFileError(f"models are told apart by their names, but these are: {names}")
 
     def submit(self, work: Work, expires: float) -> Future[Record]:
         """Queue one mesh, to be classified by `expires` on the monotonic clock.

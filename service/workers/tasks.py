@@ -3,6 +3,7 @@
 Only plain values cross the border between the processes, and only errors that survive it.
 """
 
+import signal
 import traceback
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -68,6 +69,7 @@ def warm_up(setup: Setup) -> list[dict[str, Any]]:
     Returns what each model says of itself. Raises ModelFileError or SelfTestError.
     """
     global _worker
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)  # as in `origin`; pebble has set its own
     classifiers = [Classifier(file.open(), setup.limits) for file in setup.models]
     for classifier in classifiers:
         classifier.self_test()

@@ -43,7 +43,7 @@ def test_an_interrupt_stops_it_too(start: Callable[..., Service]) -> None:
 
 
 def test_variables_set_what_flags_do_not(start: Callable[..., Service], model_file: Path) -> None:
-    service = start(MESHCONV3D_MAX_UPLOAD_BYTES="100", MESHCONV3D_MODEL="nothing")
+    service = start(MESHCONV3D_MAX_UPLOAD_BYTES="100", MESHCONV3D_MODELS="nothing")
     response = httpx.post(f"{service.url}/v1/classify", content=b"#" * 101)
     assert response.json()["limit"] == 100
     models = httpx.get(f"{service.url}/v1/models").json()["models"]
