@@ -70,9 +70,7 @@ class Settings(BaseSettings):
     max_queue_bytes: int = Field(
         default=512 * MIB, ge=1, description="Most bytes of request bodies held at a time."
     )
-    max_connections: int = Field(
-        default=1024, ge=2, description="Most connections open at a time."
-    )
+    max_connections: int = Field(default=1024, ge=2, description="Most connections open at a time.")
 
     @field_validator("models", mode="before")
     @classmethod

@@ -8,4 +8,4 @@ from service.workers.pool import WorkerPool
 from service.workers.tasks import Record, Setup, Work
 from service.workers.worker import DeadlineExceeded
 
-__all__ = ["DeadlineExceeded", "Record", "Setup", "WorkerPool", "Work"]
+__all__ = ["DeadlineExceeded", "Record", "Setup", "Work", "WorkerPool"]

@@ -39,7 +39,11 @@ def test_each_file_is_a_line_in_the_order_of_the_input(model_file: Path, meshes:
 
 def test_all_good_is_exit_0(model_file: Path, meshes: Path) -> None:
     done = meshconv3d(
-        "classify", meshes / "ring.obj", "--top", 2, variables={"MESHCONV3D_MODELS": str(model_file)}
+        "classify",
+        meshes / "ring.obj",
+        "--top",
+        2,
+        variables={"MESHCONV3D_MODELS": str(model_file)},
     )
     assert (done.returncode, done.stderr) == (0, "")
     (record,) = lines(done.stdout)
