@@ -47,6 +47,8 @@ class NetworkConfig:
     mesh's file."""
     absolute_offsets: bool = False
     """Take sum |v_i - c| for equation 1's first term, which as written is zero everywhere."""
+    surroundings: bool = False
+    """Whether a third descriptor reads what lies around each face, see `model.surroundings`."""
     pooling: Literal["geometric", "learned"] = "geometric"
     """Which features weigh the faces in equation 5: the fixed ones of the input, or those that
     enter the pooling."""
@@ -54,6 +56,11 @@ class NetworkConfig:
     """Of the feature differences in equation 5."""
     pooling_survivor: bool = True
     """Whether a pooled face's average includes what it was itself."""
+    readout: Literal["mean", "mean-peak"] = "mean"
+    """What is classified of the last level's features: their mean over the faces, or beside it one
+    near the greatest of each channel, see `spread_peaks`."""
+    dropout: Annotated[float, Field(ge=0, lt=1)] = 0.3
+    """Share of what is classified that training leaves out at random."""
 
     @model_validator(mode="after")
     def _check(self) -> "NetworkConfig":
@@ -91,6 +98,11 @@ PRESETS: dict[str, dict[str, Any]] = {
     "learned": {"pooling": "learned"},
     "deep": {"convolutions": 2},
     "small": {"channels": (32, 64, 128)},
+    "objects": {
+        "absolute_offsets": True,
+        "surroundings": True,
+        "readout": "mean-peak",
+    },
 }
 
 

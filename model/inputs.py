@@ -9,13 +9,14 @@ from numpy.typing import NDArray
 from model.config import NetworkConfig
 from model.descriptors import descriptor_terms, pooling_features
 from model.mesh import Mesh
+from model.surroundings import surroundings
 from model.topology import Surface, Topology, build_topology
 from model.topology.ragged import SurfaceBatch, join_indices
 
 
 @dataclass(frozen=True, eq=False)
 class MeshInputs:
-    """One mesh as the network sees it: terms, F_0 x D x 3 float32, and how its faces hang together.
+    """One mesh as the network sees it: terms, F_0 x E float32, and how its faces hang together.
 
     topology: of all levels; None where pooling is learned, which finds them as the network runs.
     """
@@ -39,10 +40,14 @@ def mesh_inputs(mesh: Mesh, config: NetworkConfig) -> MeshInputs:
 def terms_of(
     vertices: NDArray[np.float64], faces: NDArray[np.int32], surface: Surface, config: NetworkConfig
 ) -> NDArray[np.float32]:
-    """Descriptor terms as a network reads them, F x D x 3; see `descriptor_terms`."""
-    return descriptor_terms(
+    """What a network's descriptors read of each face, F x E: the 3 D numbers of `descriptor_terms`
+    and, if it looks at them, the M of `surroundings`."""
+    terms = descriptor_terms(
         vertices, faces, surface.twin, config.absolute_offsets, config.axes == "face"
-    )
+    ).reshape(len(faces), -1)
+    if not config.surroundings:
+        return terms
+    return np.concatenate((terms, surroundings(vertices, faces)), axis=1)
 
 
 def input_names(config: NetworkConfig) -> list[str]:
@@ -60,14 +65,14 @@ def input_names(config: NetworkConfig) -> list[str]:
 def collate(batch: Sequence[MeshInputs]) -> dict[str, NDArray]:
     """Concatenate meshes of any face counts into one ragged batch, by input name.
 
-    terms: N_0 x 3 D float32. Under geometric pooling, patches_l: N_l x K int32. pools_l:
+    terms: N_0 x E float32. Under geometric pooling, patches_l: N_l x K int32. pools_l:
     N_(l+1) x W_l int32, W_l the widest of the batch. readout: B x R int32, the faces of each mesh
     at the last level. Indices are row + 1 in the batch's own tables and 0 for the null face.
 
     Under learned pooling the surface itself, as `SurfaceBatch` has it: twin, 3 N_0 int32;
     lengths, 3 N_0 float64; starts, B + 1 int32.
     """
-    terms = np.concatenate([inputs.terms.reshape(len(inputs.terms), -1) for inputs in batch])
+    terms = np.concatenate([inputs.terms for inputs in batch])
     topologies = [inputs.topology for inputs in batch if inputs.topology is not None]
     if topologies:
         return {"terms": terms, **_join_topologies(topologies)}

@@ -5,6 +5,9 @@ from torch import Tensor, nn
 
 from model.fused import GatherMean, PatchStatistics
 
+# Added to the mean weight of a channel that no face of a mesh has anything in.
+LEAST_WEIGHT = 1e-6
+
 
 def is_fused(features: Tensor) -> bool:
     """Whether to gather by compiled loops: in training on a CPU. A graph has operations only."""
@@ -33,16 +36,32 @@ def gather_mean(features: Tensor, index: Tensor) -> Tensor:
     return gather_rows(features, index).sum(dim=1) / count_present(index, features)
 
 
+def spread_peaks(features: Tensor, index: Tensor) -> Tensor:
+    """Features weighed by their own third power, so that their mean is close to their maximum.
+
+    That mean is the Lehmer mean of order 4 of each channel: unlike a maximum it is a sum over
+    faces, and faces that are alike share it. features: N x C, none below zero. index: B x R, the
+    faces of each mesh. Returns N x C.
+    """
+    weights = features**3
+    means = gather_mean(weights, index) + LEAST_WEIGHT  # B x C
+    # Which mesh a face is of, by face + 1; whatever the null face gets, nobody reads.
+    owners = index.new_zeros(features.shape[0] + 1, dtype=torch.int64)
+    meshes = torch.arange(index.shape[0], device=index.device)[:, None].expand(index.shape)
+    owners = owners.scatter(0, index.long().reshape(-1), meshes.reshape(-1))
+    return features * weights / means.index_select(0, owners[1:])
+
+
 class Descriptor(nn.Sequential):
-    """Two linear layers over a face's listed 3-vectors (equations 1 and 2). N x 3 D -> N x C.
+    """Two linear layers over what is listed of a face (equations 1 and 2). N x E -> N x C.
 
     The weights alpha, beta of the paper are matrices 3 -> C, one for each term, which together
     are one matrix over all terms.
     """
 
-    def __init__(self, terms: int, hidden: int, channels: int) -> None:
+    def __init__(self, inputs: int, hidden: int, channels: int) -> None:
         super().__init__(
-            nn.Linear(3 * terms, hidden, bias=False),
+            nn.Linear(inputs, hidden, bias=False),
             nn.BatchNorm1d(hidden),
             nn.ReLU(),
             nn.Linear(hidden, channels, bias=False),

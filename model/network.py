@@ -10,9 +10,10 @@ from torch import Tensor, nn
 
 from model.config import NetworkConfig
 from model.descriptors import GEODESIC_TERMS, GEOMETRIC_TERMS
-from model.layers import Descriptor, PatchConvolution, gather_mean
+from model.layers import Descriptor, PatchConvolution, gather_mean, spread_peaks
 from model.levels import first_level
 from model.novelty import Novelty
+from model.surroundings import MEASURES
 
 
 class Outputs(NamedTuple):
@@ -31,17 +32,21 @@ class Network(nn.Module):
     """The classifier of the paper's section IV, over a ragged batch of meshes.
 
     Inputs are those of `model.inputs.collate`, as tensors, in the order of `input_names`: terms,
-    N_0 x 3 D, then what the levels are made of.
+    N_0 x E, then what the levels are made of.
     """
 
     def __init__(self, config: NetworkConfig) -> None:
         super().__init__()
         self.config = config
         hidden, channels = config.descriptor_hidden, config.descriptor_channels
-        self.geodesic = Descriptor(len(GEODESIC_TERMS), hidden, channels)
-        self.geometric = Descriptor(len(GEOMETRIC_TERMS), hidden, channels)
+        self.geodesic = Descriptor(3 * len(GEODESIC_TERMS), hidden, channels)
+        self.geometric = Descriptor(3 * len(GEOMETRIC_TERMS), hidden, channels)
+        self.descriptors = [self.geodesic, self.geometric]
+        if config.surroundings:
+            self.surroundings = Descriptor(MEASURES, hidden, channels)
+            self.descriptors.append(self.surroundings)
         summed = config.patch_reduction == "sum"
-        widths = (2 * channels, *config.channels)
+        widths = (len(self.descriptors) * channels, *config.channels)
         self.blocks = nn.ModuleList(
             nn.ModuleList(
                 PatchConvolution(width_in if i == 0 else width_out, width_out, summed)
@@ -49,20 +54,22 @@ class Network(nn.Module):
             )
             for width_in, width_out in pairwise(widths)
         )
-        self.classify = nn.Linear(widths[-1], len(config.classes))
-        self.novelty = Novelty(widths[-1], len(config.classes))
+        width = widths[-1] * (2 if config.readout == "mean-peak" else 1)
+        self.dropout = nn.Dropout(config.dropout)
+        self.classify = nn.Linear(width, len(config.classes))
+        self.novelty = Novelty(width, len(config.classes))
 
     def forward(self, terms: Tensor, *topology: Tensor) -> Outputs:
         features, pooled = self.features(terms, *topology)
         evidence = features @ self.classify.weight.T
-        return Outputs(self.classify(pooled), evidence, self.novelty(pooled))
+        return Outputs(self.classify(self.dropout(pooled)), evidence, self.novelty(pooled))
 
     def features(self, terms: Tensor, *topology: Tensor) -> tuple[Tensor, Tensor]:
-        """The features of the last level's faces, N_L x C, and their mean in each mesh, B x C."""
-        split = 3 * len(GEODESIC_TERMS)
-        # Equation 3: both descriptors side by side, N_0 x 2 C.
+        """What is classified of the last level's faces, N_L x C, and its means by mesh, B x C."""
+        # Equation 3: the descriptors side by side, N_0 x 2 C or 3 C.
+        parts = terms.split([descriptor[0].in_features for descriptor in self.descriptors], dim=1)
         features = torch.cat(
-            [self.geodesic(terms[:, :split]), self.geometric(terms[:, split:])], dim=1
+            [describe(part) for describe, part in zip(self.descriptors, parts, strict=True)], dim=1
         )
         level = first_level(self.config, topology)
         for block in self.blocks:
@@ -72,7 +79,10 @@ class Network(nn.Module):
                 features = convolution(features, patches)  # N_l x C
             pool, level = level.pool(features)
             features = gather_mean(features, pool)  # N_(l+1) x C
-        return features, gather_mean(features, level.readout())
+        readout = level.readout()
+        if self.config.readout == "mean-peak":
+            features = torch.cat([features, spread_peaks(features, readout)], dim=1)
+        return features, gather_mean(features, readout)
 
 
 def as_tensors(

@@ -145,6 +145,9 @@ class Trainer:
         rate = self.schedule.get_last_lr()[0]
         total_loss, right, seen = 0.0, 0, 0
         self.network.train()
+        # Dropout draws from torch's own generator.
+        state = np.random.SeedSequence([self.training.seed, epoch]).generate_state(1)
+        torch.manual_seed(int(state[0]))
         for arrays, labels in self._batches(epoch):
             scores = self.network(*as_tensors(arrays, self.device)).scores
             target = torch.from_numpy(labels).to(self.device)

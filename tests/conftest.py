@@ -2,6 +2,7 @@
 
 import os
 import tarfile
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -23,6 +24,8 @@ SMALL = NetworkConfig(
     descriptor_hidden=8,
     descriptor_channels=6,
 )
+# What lies around a face, and peaks: all that the preset of everyday objects adds.
+WIDER = replace(SMALL, absolute_offsets=True, surroundings=True, readout="mean-peak")
 SHARED_DATA = Path(__file__).parents[2] / "shared" / "data"
 
 
@@ -42,6 +45,12 @@ def shrec(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def config() -> NetworkConfig:
     """A small network over three classes, with the paper's K and targets."""
     return SMALL
+
+
+@pytest.fixture(params=[SMALL, WIDER], ids=["paper", "objects"])
+def either(request: pytest.FixtureRequest) -> NetworkConfig:
+    """That network, and one that reads all that can be read of a face."""
+    return request.param
 
 
 @pytest.fixture(scope="session")

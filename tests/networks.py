@@ -31,7 +31,7 @@ def untrained(config: NetworkConfig, seed: int = 0) -> Network:
         norm.momentum = 1.0
     network.classify.weight.data *= 10
     classes = len(config.classes)
-    features = torch.randn(20 * classes, config.channels[-1])
+    features = torch.randn(20 * classes, network.classify.in_features)
     network.novelty.fit(features, torch.arange(20 * classes) % classes)
     meshes = [torus(), sheet(), cube(), icosphere(2)]
     batch = collate([mesh_inputs(mesh, config) for mesh in meshes])

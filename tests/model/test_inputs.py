@@ -16,7 +16,7 @@ def test_one_mesh_is_its_own_batch(config):
     arrays = collate([inputs])
     assert list(arrays) == input_names(config)
     assert arrays["terms"].shape == (500, 21)
-    assert (arrays["terms"].reshape(500, 7, 3) == inputs.terms).all()
+    assert (arrays["terms"] == inputs.terms).all()
     for level in range(3):
         assert (arrays[f"patches_{level}"] == topology_of(inputs).patches[level]).all()
         assert (arrays[f"pools_{level}"] == topology_of(inputs).pools[level]).all()
@@ -46,13 +46,13 @@ def test_a_batch_is_its_meshes_one_after_the_other(config):
         check(f"patches_{level}", level, [topology_of(b).patches[level] for b in batch])
         check(f"pools_{level}", level, [topology_of(b).pools[level] for b in batch])
     check("readout", 3, [np.arange(1, last + 1)[None] for last in counts[:, 3]])
-    terms = np.concatenate([inputs.terms.reshape(-1, 21) for inputs in batch])
+    terms = np.concatenate([inputs.terms for inputs in batch])
     assert (arrays["terms"] == terms).all()
 
 
 @pytest.mark.parametrize("mesh", MESHES)
 def test_inputs_follow_the_configuration(config, mesh):
     inputs = mesh_inputs(mesh, config)
-    assert inputs.terms.shape == (len(mesh.faces), 7, 3)
+    assert inputs.terms.shape == (len(mesh.faces), 21)
     assert topology_of(inputs).face_counts[0] == len(mesh.faces)
     assert all(patches.shape[1] == config.patch_size for patches in topology_of(inputs).patches)
