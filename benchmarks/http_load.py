@@ -3,6 +3,7 @@
 It runs in a process of its own (`drive`), and costs so little that it is not what is measured.
 """
 
+import contextlib
 import multiprocessing
 import selectors
 import socket
@@ -68,10 +69,8 @@ class _Connection:
         return int(head[9:12])
 
     def _send(self) -> None:
-        try:
+        with contextlib.suppress(BlockingIOError):
             self._unsent = self._unsent[self._socket.send(self._unsent) :]
-        except BlockingIOError:
-            pass
         events = selectors.EVENT_READ | (selectors.EVENT_WRITE if self._unsent else 0)
         if events != self._selector.get_key(self._socket).events:
             self._selector.modify(self._socket, events, self)

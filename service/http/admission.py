@@ -9,12 +9,19 @@ from collections.abc import Callable
 RATE_WINDOW = 64
 
 
-class Full(Exception):
-    """There is more to do than can be done in time. retry_after: seconds until that changes."""
+# A refusal is answered after so many seconds. To refuse takes time from those who were
+# accepted, and who is refused at once asks again at once.
+PAUSE_SECONDS = 1.0
 
-    def __init__(self, reason: str, retry_after: int) -> None:
+
+class Full(Exception):
+    """There is more to do than can be done in time. retry_after: seconds until that changes;
+    pause: seconds until the client is told."""
+
+    def __init__(self, reason: str, retry_after: int, pause: float = PAUSE_SECONDS) -> None:
         super().__init__(f"{reason}; try again in {retry_after} s, or at another instance")
         self.retry_after = retry_after
+        self.pause = pause
 
 
 class Admission:
@@ -54,7 +61,7 @@ class Admission:
     def arrive(self) -> None:
         """Let a request begin its upload. Raises Full."""
         if not self.open:
-            raise Full("the service is stopping", 1)
+            raise Full("the service is stopping", 1, pause=0.0)
         self._check()
         self._visitors += 1
 

@@ -53,7 +53,8 @@ class Gate:
         try:
             self.admission.arrive()
         except Full as error:
-            await full(Request(scope), error)(scope, receive, send)
+            response = await full(Request(scope), error)
+            await response(scope, receive, send)
             return
         visit = _Visit(scope, receive, self.admission, self.settings)
         scope["state"]["expires"] = visit.expires

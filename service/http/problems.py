@@ -1,5 +1,6 @@
 """Every error as `application/problem+json` (RFC 9457), from one table."""
 
+import asyncio
 from http import HTTPStatus
 
 from fastapi import FastAPI, Request, Response
@@ -93,7 +94,7 @@ def install_problem_handlers(app: FastAPI) -> None:
 
     @app.exception_handler(Full)
     async def too_much(request: Request, error: Full) -> JSONResponse:
-        return full(request, error)
+        return await full(request, error)
 
     @app.exception_handler(DeadlineExceeded)
     async def too_late(request: Request, error: DeadlineExceeded) -> JSONResponse:
@@ -123,8 +124,9 @@ def install_problem_handlers(app: FastAPI) -> None:
         return problem(request, HTTPStatus.INTERNAL_SERVER_ERROR, "internal", detail)
 
 
-def full(request: Request, error: Full) -> JSONResponse:
-    """The answer to what is refused because there is too much to do."""
+async def full(request: Request, error: Full) -> JSONResponse:
+    """The answer to what is refused because there is too much to do, after a pause."""
+    await asyncio.sleep(error.pause)
     response = problem(request, HTTPStatus.SERVICE_UNAVAILABLE, "full", str(error))
     response.headers["retry-after"] = str(error.retry_after)
     return response

@@ -1,6 +1,7 @@
 """The app under uvicorn, which ends without losing what it accepted."""
 
 import copy
+import gc
 import math
 import time
 from types import FrameType
@@ -36,6 +37,7 @@ def run(settings: Settings, pool: WorkerPool) -> None:
         server_header=False,
         log_config=logs,
     )
+    gc.freeze()  # what is there by now stays: it need not be gone through again and again
     _Server(config, admission, settings.grace_seconds).run()
 
 

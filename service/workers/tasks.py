@@ -3,6 +3,7 @@
 Only plain values cross the border between the processes, and only errors that survive it.
 """
 
+import gc
 import signal
 import traceback
 from collections.abc import Sequence
@@ -73,6 +74,7 @@ def warm_up(setup: Setup) -> list[dict[str, Any]]:
     classifiers = [Classifier(file.open(), setup.limits) for file in setup.models]
     for classifier in classifiers:
         classifier.self_test()
+    gc.freeze()  # the libraries' objects need not be gone through again and again
     limit_memory(setup.memory_bytes)
     _worker = _Worker(setup, {c.model.card.name: c for c in classifiers})
     return [classifier.model.describe() for classifier in classifiers]
