@@ -2,19 +2,20 @@
 
 import os
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from model.calibration import softmax
 from model.errors import MeshError
-from model.inputs import collate, mesh_inputs
+from model.inputs import MeshInputs, collate, mesh_inputs
 from model.loading import Limits, load_mesh
 from model.mesh import Mesh
-from model.preparation import MeshReport, prepare
+from model.preparation import MeshReport, Placement, prepare_placed
 from model.samples import sample_paths
 from service.models import DEFAULT_MODEL, Model, open_model
 
@@ -23,6 +24,7 @@ from service.models import DEFAULT_MODEL, Model, open_model
 SELF_TEST_TOLERANCE = 1e-2
 
 Source = str | os.PathLike[str] | tuple[bytes, str | None]
+Result = TypeVar("Result")
 
 
 class SelfTestError(RuntimeError):
@@ -34,7 +36,8 @@ class Classification:
     """What a mesh is, by which model. scores: N_c float32 logits; probabilities: their calibrated
     softmax. novelty: how unlike every class it is, see `model.novelty`.
 
-    timings_ms: wall-clock milliseconds of each stage: read, prepare, topology, infer.
+    timings_ms: wall-clock milliseconds of each stage: read, prepare, topology, infer,
+    and explain where that was asked for.
     """
 
     model: Model
@@ -66,6 +69,21 @@ class Classification:
         return None if calibration is None else self.novelty > calibration.novelty_limit
 
 
+@dataclass(frozen=True, eq=False)
+class Pass:
+    """One mesh on its way through both stages.
+
+    prepared: what the network saw, with its inputs; placement: where it lies in the file.
+    evidence: N_L x N_c float32, what each face of the last level says.
+    """
+
+    prepared: Mesh
+    placement: Placement
+    inputs: MeshInputs
+    evidence: NDArray[np.float32]
+    classification: Classification
+
+
 class Classifier:
     """A model, loaded once, that classifies any number of meshes from any number of threads.
 
@@ -93,39 +111,46 @@ class Classifier:
         Raises MeshError for what cannot be read or is no mesh, OSError for a path that cannot
         be opened.
         """
-        timings: dict[str, float] = {}
-        with _timed(timings, "read"):
-            mesh = load_mesh(source, name, self.limits)
-        return self._classify(mesh, timings)
+        return self.run(*self.read(source, name)).classification
 
     def classify_mesh(self, mesh: Mesh) -> Classification:
         """Classify a mesh that is in memory already. Raises UnusableMesh."""
-        return self._classify(mesh, {})
+        return self.run(mesh, {}).classification
 
-    def _classify(self, loaded: Mesh, timings: dict[str, float]) -> Classification:
+    def read(
+        self, source: str | os.PathLike[str] | bytes, name: str | None = None
+    ) -> tuple[Mesh, dict[str, float]]:
+        """The mesh of a file, and the time that it took. Raises what `classify` raises."""
+        timings: dict[str, float] = {}
+        with timed(timings, "read"):
+            mesh = load_mesh(source, name, self.limits)
+        return mesh, timings
+
+    def run(self, mesh: Mesh, timings: dict[str, float]) -> Pass:
+        """Send a mesh through both stages; the time of each goes to `timings`.
+
+        Raises UnusableMesh.
+        """
         config = self.model.card.config
-        with _timed(timings, "prepare"):
-            mesh, report = prepare(loaded, config.face_budget)
-        with _timed(timings, "topology"):
-            arrays = collate([mesh_inputs(mesh, config)])
-        with _timed(timings, "infer"):
-            scores, novelty = self.model.session.run(["scores", "novelty"], arrays)
-        scores, novelty = np.asarray(scores)[0], float(np.asarray(novelty)[0])
-        probabilities = softmax(scores / self._temperature)
-        return Classification(self.model, scores, probabilities, novelty, report, timings)
+        with timed(timings, "prepare"):
+            prepared, report, placement = prepare_placed(mesh, config.face_budget)
+        with timed(timings, "topology"):
+            inputs = mesh_inputs(prepared, config)
+            arrays = collate([inputs])
+        with timed(timings, "infer"):
+            outputs = self.model.session.run(["scores", "novelty", "evidence"], arrays)
+        scores, novelty, evidence = map(np.asarray, outputs)
+        probabilities = softmax(scores[0] / self._temperature)
+        result = Classification(
+            self.model, scores[0], probabilities, float(novelty[0]), report, timings
+        )
+        return Pass(prepared, placement, inputs, evidence, result)
 
     def classify_many(
         self, sources: Iterable[Source]
     ) -> Iterator[Classification | MeshError | OSError]:
-        """Classify files one after the other, in order: for each its result, or why it has none.
-
-        A source is a path, or the bytes of a file with their declared name or None.
-        """
-        for source in sources:
-            try:
-                yield self.classify(*source) if isinstance(source, tuple) else self.classify(source)
-            except (MeshError, OSError) as error:
-                yield error
+        """Classify files one after the other, in order: for each its result, or why it has none."""
+        return each_of(sources, self.classify)
 
     def self_test(self) -> None:
         """Classify the sample whose scores the export stored; it also warms every stage up.
@@ -149,8 +174,23 @@ class Classifier:
             )
 
 
+def each_of(
+    sources: Iterable[Source], work: Callable[..., Result]
+) -> Iterator[Result | MeshError | OSError]:
+    """Work on files one after the other, in order: for each its result, or why it has none.
+
+    A source is a path, or the bytes of a file with their declared name or None.
+    """
+    for source in sources:
+        try:
+            yield work(*source) if isinstance(source, tuple) else work(source)
+        except (MeshError, OSError) as error:
+            yield error
+
+
 @contextmanager
-def _timed(timings: dict[str, float], stage: str) -> Iterator[None]:
+def timed(timings: dict[str, float], stage: str) -> Iterator[None]:
+    """Note how long what follows takes, in milliseconds."""
     started = time.perf_counter()
     yield
     timings[stage] = round((time.perf_counter() - started) * 1000, 3)

@@ -75,10 +75,15 @@ def answer(file: str | None, result: Classification, top: int | None = None) -> 
         unknown=result.unknown,
         novelty=round(result.novelty, 4),
         scores=scores,
-        model=ModelId(name=result.model.card.name, sha256=result.model.sha256),
+        model=model_id(result),
         mesh=result.report,
         timings_ms=result.timings_ms,
     )
+
+
+def model_id(result: Classification) -> ModelId:
+    """Which model gave a result."""
+    return ModelId(name=result.model.card.name, sha256=result.model.sha256)
 
 
 def refusal(file: str | None, error: MeshError | OSError) -> Refusal:

@@ -4,6 +4,7 @@
 what both did. Training, export checks, the command line and the service all come through here.
 """
 
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -11,15 +12,41 @@ from numpy.typing import NDArray
 
 from model.errors import UnusableMesh
 from model.mesh import Mesh
-from model.preparation.cleaning import clean, count_components, drop_degenerate, drop_unused
+from model.preparation.cleaning import (
+    bounding_cube,
+    clean,
+    count_components,
+    drop_degenerate,
+    drop_unused,
+)
 from model.preparation.report import MeshReport
 from model.preparation.resampling import decimate, subdivide
 
-__all__ = ["MeshReport", "into_unit_sphere", "prepare", "surface_area"]
+__all__ = [
+    "MeshReport",
+    "Placement",
+    "face_areas",
+    "into_unit_sphere",
+    "prepare",
+    "prepare_placed",
+    "surface_area",
+]
 
 # Simplification that changes the area by more than this has destroyed the shape (crumpled it, or
 # swallowed its thin parts): no class can be read from what is left.
 AREA_KEPT = (0.25, 2.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Placement:
+    """Where a prepared mesh lies in its file: centre, 3 float64, and radius of the unit sphere."""
+
+    centre: NDArray[np.float64]
+    radius: float
+
+    def into_file(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Points (N x 3) of the prepared mesh in the coordinates of the file."""
+        return points * self.radius + self.centre
 
 
 def prepare(mesh: Mesh, face_budget: int) -> tuple[Mesh, MeshReport]:
@@ -30,6 +57,12 @@ def prepare(mesh: Mesh, face_budget: int) -> tuple[Mesh, MeshReport]:
     change the topology, as in a mesh of very many parts. Raises UnusableMesh where no surface
     with area is left, or where simplification destroyed it.
     """
+    prepared, report, _ = prepare_placed(mesh, face_budget)
+    return prepared, report
+
+
+def prepare_placed(mesh: Mesh, face_budget: int) -> tuple[Mesh, MeshReport, Placement]:
+    """What `prepare` makes of a mesh, and where in the file it lies."""
     vertices, faces, counts = clean(mesh)
     clean_area = surface_area(vertices, faces)
     vertices, faces, resampled = _resample(vertices, faces, face_budget)
@@ -50,7 +83,10 @@ def prepare(mesh: Mesh, face_budget: int) -> tuple[Mesh, MeshReport]:
         components_lost=counts["components"] - count_components(faces, len(vertices)),
         area_kept=round(area_kept, 4),
     )
-    return Mesh(into_unit_sphere(vertices, faces), faces), report
+    centre, radius = _sphere(vertices, faces)
+    corner, size = bounding_cube(mesh)
+    placement = Placement(corner + size * centre, size * radius)
+    return Mesh((vertices - centre) / radius, faces), report, placement
 
 
 def _resample(
@@ -69,18 +105,30 @@ def _resample(
 
 def surface_area(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> float:
     """Total area of the triangles, in the square of the vertices' unit."""
+    return float(face_areas(vertices, faces).sum())
+
+
+def face_areas(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> NDArray[np.float64]:
+    """Area of each triangle, F float64, in the square of the vertices' unit."""
     a, b, c = vertices[faces].transpose(1, 0, 2)
-    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
+    return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
 
 
 def into_unit_sphere(
     vertices: NDArray[np.float64], faces: NDArray[np.int32]
 ) -> NDArray[np.float64]:
-    """Centre the surface's centroid on the origin and the farthest vertex on the unit sphere.
+    """Centre the surface's centroid on the origin and the farthest vertex on the unit sphere."""
+    centre, radius = _sphere(vertices, faces)
+    return (vertices - centre) / radius
+
+
+def _sphere(
+    vertices: NDArray[np.float64], faces: NDArray[np.int32]
+) -> tuple[NDArray[np.float64], float]:
+    """Centroid of the surface and distance of the farthest vertex from it.
 
     The centroid is weighted by area: that of the vertices would move with the triangulation.
     """
     a, b, c = vertices[faces].transpose(1, 0, 2)
-    areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    centred = vertices - np.average((a + b + c) / 3, axis=0, weights=areas)
-    return centred / np.linalg.norm(centred, axis=1).max()
+    centre = np.average((a + b + c) / 3, axis=0, weights=face_areas(vertices, faces))
+    return centre, float(np.linalg.norm(vertices - centre, axis=1).max())

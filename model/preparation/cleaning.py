@@ -75,9 +75,15 @@ def clean(mesh: Mesh) -> tuple[NDArray[np.float64], NDArray[np.int32], dict[str,
 
 def _into_unit_box(mesh: Mesh) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
     """Move the used vertices into [0, 1]^3, so that tolerances mean the same for every mesh."""
+    corner, size = bounding_cube(mesh)
+    return (mesh.vertices - corner) / size, mesh.faces
+
+
+def bounding_cube(mesh: Mesh) -> tuple[NDArray[np.float64], float]:
+    """Lowest corner, 3 float64, and side of the least cube from there around all faces."""
     corners = mesh.vertices[mesh.faces].reshape(-1, 3)
     low, high = corners.min(axis=0), corners.max(axis=0)
-    return (mesh.vertices - low) / (high - low).max(), mesh.faces
+    return low, float((high - low).max())
 
 
 def weld(

@@ -25,6 +25,15 @@ TABLE_TOP = 2
 @click.option("--top", type=click.IntRange(1), help="Only the N likeliest classes of each.")
 @click.option("--json", "as_json", is_flag=True, help="JSON Lines, as when the output is piped.")
 @click.option("--format", "declared", help="Format of the mesh on standard input, such as stl.")
+@click.option(
+    "--explain",
+    "out",
+    type=click.Path(path_type=Path),
+    metavar="OUT",
+    help="Write the mesh coloured by what each face says for its class: to OUT.glb or .ply, as "
+    "numbers to OUT.json, or as a GLB of each mesh into the folder OUT.",
+)
+@click.option("--class", "label", metavar="NAME", help="Explain this class, not the likeliest.")
 @click.pass_context
 def classify(
     ctx: click.Context,
@@ -33,6 +42,8 @@ def classify(
     top: int | None,
     as_json: bool,
     declared: str | None,
+    out: Path | None,
+    label: str | None,
 ) -> None:
     """Say what the meshes in files and folders are; - reads one mesh from standard input.
 
@@ -49,11 +60,18 @@ def classify(
         raise click.UsageError("--format is for standard input, which no PATH names: add -")
     if files.count(STDIN) > 1:
         raise click.UsageError("- stands for standard input, which holds one mesh: name it once")
+    if label is not None and out is None:
+        raise click.UsageError("--class says what to explain: add --explain OUT")
     classifier = load_classifier(model)
-    if as_json or not sys.stdout.isatty():
-        failures = _print_lines(_classify_all(classifier, files, declared, top))
+    sources = [_source(file, declared) for file in files]
+    if out is None:
+        results = classifier.classify_many(sources)
     else:
-        records = _classify_all(classifier, files, declared, top or TABLE_TOP)
+        results = explain_all(classifier, dict(zip(files, sources, strict=True)), out, label)
+    if as_json or not sys.stdout.isatty():
+        failures = _print_lines(_records(files, results, top))
+    else:
+        records = _records(files, results, top or TABLE_TOP)
         failures = _print_table(with_progress(records, len(files)))
     ctx.exit(1 if failures else 0)
 
@@ -77,14 +95,15 @@ def _expand(paths: Iterable[str]) -> Iterator[str]:
             raise click.UsageError(f"no such file or folder: {text}")
 
 
-def _classify_all(
-    classifier: "Classifier", files: Sequence[str], declared: str | None, top: int | None
+def _records(
+    files: Sequence[str],
+    results: "Iterable[Classification | MeshError | OSError]",
+    top: int | None,
 ) -> "Iterator[Answer | Refusal]":
     from service.classifier import Classification
     from service.records import answer, refusal
 
-    sources = ((sys.stdin.buffer.read(), declared) if file == STDIN else file for file in files)
-    for file, result in zip(files, classifier.classify_many(sources), strict=True):
+    for file, result in zip(files, results, strict=True):
         if isinstance(result, Classification):
             yield answer(readable(file), result, top)
         else:

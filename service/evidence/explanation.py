@@ -1,0 +1,112 @@
+"""What every face of an uploaded mesh adds to the score of a class."""
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.evidence import contributions, onto_file
+from model.mesh import Mesh
+from model.preparation import face_areas
+from service.classifier import Classification, Classifier, timed
+
+# The share of the surface that the colours tell apart; what is beyond it has the last colour.
+SHOWN_SHARE = 0.95
+# The least area, as a share of the mesh's, over which a contribution is spread.
+LEAST_AREA = 1e-12
+
+
+class NotExplained(ValueError):
+    """There is no such explanation. fault: a stable slug; the message says what to do."""
+
+    def __init__(self, fault: str, message: str) -> None:
+        super().__init__(message)
+        self.fault = fault
+
+
+@dataclass(frozen=True, eq=False)
+class Explanation:
+    """Where the score of a class comes from: it is the bias plus the sum of the contributions.
+
+    mesh: as uploaded. contributions: F float64, in the order of its faces.
+    """
+
+    classification: Classification
+    class_index: int
+    mesh: Mesh
+    contributions: NDArray[np.float64]
+    bias: float
+
+    @property
+    def label(self) -> str:
+        """The explained class."""
+        return self.classification.classes[self.class_index]
+
+    @property
+    def score(self) -> float:
+        """Its score, a logit."""
+        return float(self.classification.scores[self.class_index])
+
+    @property
+    def densities(self) -> NDArray[np.float64]:
+        """Contributions by area, F float64: what the score would be, less the bias, if all of
+        the surface said what this face says.
+
+        A contribution by itself grows with the face: one of two halves would look half as
+        important as the whole. The mean of the densities over the surface is the score less the
+        bias.
+        """
+        areas = face_areas(self.mesh.vertices, self.mesh.faces)
+        return self.contributions / np.maximum(areas / areas.sum(), LEAST_AREA)
+
+    @property
+    def limit(self) -> float:
+        """The density of the last colours: SHOWN_SHARE of the surface is not beyond it."""
+        sizes = np.abs(self.densities)
+        order = np.argsort(sizes)
+        covered = np.cumsum(face_areas(self.mesh.vertices, self.mesh.faces)[order])
+        return float(sizes[order][np.searchsorted(covered, SHOWN_SHARE * covered[-1])])
+
+
+def explained_class(classes: Sequence[str], pooling: str, label: str | None) -> None:
+    """Raises NotExplained where a model cannot explain a class; None stands for the likeliest."""
+    if pooling == "learned":
+        raise NotExplained(
+            "learned-pooling",
+            "models with learned pooling keep to themselves which faces they gather; explain "
+            "with a model of the preset 'paper' or 'objects'",
+        )
+    if label is not None and label not in classes:
+        raise NotExplained(
+            "unknown-class", f"the model knows no class {label!r}, but {', '.join(classes)}"
+        )
+
+
+def explain(
+    classifier: Classifier,
+    source: str | os.PathLike[str] | bytes,
+    name: str | None = None,
+    label: str | None = None,
+) -> Explanation:
+    """Classify one file as `Classifier.classify` does, and explain the class `label`, or the
+    likeliest.
+
+    Raises NotExplained, and what `Classifier.classify` raises.
+    """
+    config = classifier.model.card.config
+    explained_class(config.classes, config.pooling, label)
+    mesh, timings = classifier.read(source, name)
+    passed = classifier.run(mesh, timings)
+    result = passed.classification
+    index = result.ranking[0] if label is None else config.classes.index(label)
+    with timed(timings, "explain"):
+        evidence = passed.evidence[:, index]
+        topology = passed.inputs.topology
+        assert topology is not None  # as checked above
+        shares = contributions(evidence, topology, passed.inputs.surface)
+        placed = passed.prepared.moved(passed.placement.into_file(passed.prepared.vertices))
+        added = onto_file(shares, placed, mesh)
+    bias = float(result.scores[index]) - float(evidence.mean(dtype=np.float64))
+    return Explanation(result, index, mesh, added, bias)

@@ -1,0 +1,31 @@
+"""The forms in which an explanation leaves: a coloured mesh, or its numbers."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from model.loading import FORMATS
+from service.evidence.explanation import Explanation
+from service.evidence.glb import to_glb
+from service.evidence.ply import to_ply
+from service.evidence.records import explained_answer
+
+
+@dataclass(frozen=True)
+class Form:
+    """One form. media_type: as HTTP names it. write: makes its bytes of the file's name, if it
+    has one, and the explanation."""
+
+    media_type: str
+    write: Callable[[str | None, Explanation], bytes]
+
+
+def _to_json(file: str | None, explanation: Explanation) -> bytes:
+    return explained_answer(file, explanation).model_dump_json(by_alias=True).encode()
+
+
+# By file extension; the first is the default.
+FORMS: dict[str, Form] = {
+    "glb": Form(FORMATS["glb"].media_types[0], to_glb),
+    "ply": Form(FORMATS["ply"].media_types[0], to_ply),
+    "json": Form("application/json", _to_json),
+}

@@ -1,0 +1,62 @@
+"""What an explanation says in words and numbers: the legend of its colours, and its record."""
+
+from pydantic import BaseModel, Field
+
+from service.evidence.colours import legend_colours
+from service.evidence.explanation import Explanation
+from service.records import Answer, ModelId, answer, model_id
+
+
+class Legend(BaseModel):
+    """Which class the colours of a mesh explain, and what they stand for."""
+
+    file: str | None
+    class_: str = Field(serialization_alias="class", examples=["snake"])
+    score: float = Field(description="logit of the class: the bias plus all contributions")
+    bias: float = Field(description="what the class has without any face")
+    limit: float = Field(
+        description="density of the last colour; -limit is that of the first, and 0 of the middle"
+    )
+    colours: list[str] = Field(
+        examples=[["#1f77b4", "#eeeeee", "#d65f00"]], description="even steps, as web colours"
+    )
+    model: ModelId
+
+
+class Evidence(Legend):
+    """What each face of the file says of a class, in the order of its triangles."""
+
+    contributions: list[float] = Field(description="what each face adds to the score")
+    densities: list[float] = Field(
+        description="contributions by area: the score less the bias, if all of the surface said "
+        "what this face says; what the colours show"
+    )
+
+
+class ExplainedAnswer(Answer):
+    """What one mesh is, and why."""
+
+    evidence: Evidence
+
+
+def legend(file: str | None, explanation: Explanation) -> Legend:
+    """What a coloured mesh says of its colours."""
+    return Legend(
+        file=file,
+        class_=explanation.label,
+        score=explanation.score,
+        bias=explanation.bias,
+        limit=explanation.limit,
+        colours=legend_colours(),
+        model=model_id(explanation.classification),
+    )
+
+
+def explained_answer(file: str | None, explanation: Explanation) -> ExplainedAnswer:
+    """The record of a result with what each face adds to the score of a class."""
+    evidence = Evidence(
+        **dict(legend(file, explanation)),
+        contributions=explanation.contributions.tolist(),
+        densities=explanation.densities.tolist(),
+    )
+    return ExplainedAnswer(**dict(answer(file, explanation.classification)), evidence=evidence)
