@@ -7,14 +7,15 @@ from typing import TYPE_CHECKING
 
 import click
 
-from service.cli.shared import load_classifier
+from service.cli.explain import explain_all
+from service.cli.shared import STDIN, load_classifier
 from service.cli.terminal import readable, shown, with_progress
 
 if TYPE_CHECKING:
-    from service.classifier import Classifier
+    from model.errors import MeshError
+    from service.classifier import Classification
     from service.records import Answer, Refusal
 
-STDIN = "-"
 # The class and its runner-up: with more, the table outgrows a terminal of 80 columns.
 TABLE_TOP = 2
 
@@ -63,11 +64,11 @@ def classify(
     if label is not None and out is None:
         raise click.UsageError("--class says what to explain: add --explain OUT")
     classifier = load_classifier(model)
-    sources = [_source(file, declared) for file in files]
+    sources = ((sys.stdin.buffer.read(), declared) if file == STDIN else file for file in files)
     if out is None:
         results = classifier.classify_many(sources)
     else:
-        results = explain_all(classifier, dict(zip(files, sources, strict=True)), out, label)
+        results = explain_all(classifier, files, sources, out, label)
     if as_json or not sys.stdout.isatty():
         failures = _print_lines(_records(files, results, top))
     else:

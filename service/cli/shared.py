@@ -9,6 +9,9 @@ if TYPE_CHECKING:
     from service.classifier import Classifier
     from service.settings import Settings
 
+# The PATH that stands for standard input.
+STDIN = "-"
+
 
 def read_settings(flags: Mapping[str, Any]) -> "Settings":
     """The settings, with the flags that were given over them; a bad one is a usage error."""
