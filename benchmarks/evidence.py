@@ -11,11 +11,10 @@ from pathlib import Path
 import numpy as np
 
 from model.datasets import find_samples
-from model.evidence import contributions
 from model.loading import load_mesh
 from model.mesh import Mesh
 from model.preparation import prepare
-from service.classifier import Classifier, Pass
+from service.classifier import Classifier
 
 
 def main() -> None:
@@ -39,7 +38,7 @@ def main() -> None:
         mesh = prepare(load_mesh(path), budget)[0]
         whole = classifier.run(mesh, {})
         winner = whole.classification.ranking[0]
-        shares = shares_of(whole, winner)
+        shares = whole.contributions(winner)
         orders = {
             "most evidence": np.argsort(-shares),
             "least evidence": np.argsort(shares),
@@ -58,13 +57,6 @@ def main() -> None:
         print(f"  {title:19}  {spread:26}  {lost[title] / len(paths):18.1%}")
     more = np.array(falls["most evidence"]) > np.array(falls["random"])
     print(f"most evidence falls deeper than random on {more.mean():.1%} of the meshes")
-
-
-def shares_of(whole: Pass, class_index: int) -> np.ndarray:
-    """What each face of the prepared mesh adds to a class."""
-    topology = whole.inputs.topology
-    assert topology is not None, "models with learned pooling are not explained"
-    return contributions(whole.evidence[:, class_index], topology, whole.inputs.surface)
 
 
 if __name__ == "__main__":

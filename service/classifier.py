@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from model.calibration import softmax
 from model.errors import MeshError
+from model.evidence import contributions
 from model.inputs import MeshInputs, collate, mesh_inputs
 from model.loading import Limits, load_mesh
 from model.mesh import Mesh
@@ -82,6 +83,13 @@ class Pass:
     inputs: MeshInputs
     evidence: NDArray[np.float32]
     classification: Classification
+
+    def contributions(self, class_index: int) -> NDArray[np.float64]:
+        """What each face of the prepared mesh adds to the score of a class: F_0."""
+        topology = self.inputs.topology
+        if topology is None:
+            raise ValueError("under learned pooling the faces that were gathered are not known")
+        return contributions(self.evidence[:, class_index], topology, self.inputs.surface)
 
 
 class Classifier:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from model.evidence import contributions, onto_file
+from model.evidence import onto_file
 from model.mesh import Mesh
 from model.preparation import face_areas
 from service.classifier import Classification, Classifier, timed
@@ -102,11 +102,7 @@ def explain(
     result = passed.classification
     index = result.ranking[0] if label is None else config.classes.index(label)
     with timed(timings, "explain"):
-        evidence = passed.evidence[:, index]
-        topology = passed.inputs.topology
-        assert topology is not None  # as checked above
-        shares = contributions(evidence, topology, passed.inputs.surface)
         placed = passed.prepared.moved(passed.placement.into_file(passed.prepared.vertices))
-        added = onto_file(shares, placed, mesh)
-    bias = float(result.scores[index]) - float(evidence.mean(dtype=np.float64))
+        added = onto_file(passed.contributions(index), placed, mesh)
+    bias = float(result.scores[index]) - float(passed.evidence[:, index].mean(dtype=np.float64))
     return Explanation(result, index, mesh, added, bias)

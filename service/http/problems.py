@@ -11,6 +11,7 @@ from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
 
 from model.errors import LimitExceeded, MalformedFile, MeshError, UnknownFormat, UnusableMesh
+from service.evidence import NotExplained
 from service.http.admission import Full
 from service.workers import DeadlineExceeded
 
@@ -63,6 +64,7 @@ RESPONSES: dict[int | str, dict] = {
     for status, description in {
         400: "The request or the file is malformed.",
         404: "There is no such thing here.",
+        406: "There is no form that the client accepts.",
         408: "The body did not arrive in time.",
         413: "The body is larger, or the file holds more, than the service accepts.",
         415: "The format is not one that is read, or contradicts the content.",
@@ -80,6 +82,10 @@ def install_problem_handlers(app: FastAPI) -> None:
     async def mesh_error(request: Request, error: MeshError) -> JSONResponse:
         limit = error.value if isinstance(error, LimitExceeded) else None
         return problem(request, STATUSES[type(error)], error.fault, str(error), limit)
+
+    @app.exception_handler(NotExplained)
+    async def not_explained(request: Request, error: NotExplained) -> JSONResponse:
+        return problem(request, HTTPStatus.NOT_FOUND, error.fault, str(error))
 
     @app.exception_handler(UploadTooLarge)
     async def too_large(request: Request, error: UploadTooLarge) -> JSONResponse:

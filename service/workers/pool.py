@@ -36,7 +36,7 @@ class WorkerPool:
 
     >>> pool = WorkerPool(Setup([ModelFile.read("shrec11")], Limits(), 2**31, 30), workers=2)
     >>> pool.start()
-    >>> pool.submit(Work("shrec11", content, None, "obj"), time.monotonic() + 30).result().json
+    >>> pool.submit(Work("shrec11", content, None, "obj"), time.monotonic() + 30).result().content
     """
 
     def __init__(self, setup: Setup, workers: int) -> None:

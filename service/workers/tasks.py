@@ -13,6 +13,7 @@ from typing import Any
 from model.errors import MeshError, UnusableMesh
 from model.loading import Limits
 from service.classifier import Classifier
+from service.evidence import FORMS, explain
 from service.models import ModelFile
 from service.records import answer
 from service.workers.limits import limit_cpu, limit_memory
@@ -32,20 +33,30 @@ class Setup:
 @dataclass(frozen=True)
 class Work:
     """One mesh to classify. file: its name, for the record; declared: what tells its format, or
-    None; top: only so many classes."""
+    None; top: only so many classes; wanted: what is to be explained, or None."""
 
     model: str
     content: bytes
     file: str | None
     declared: str | None
     top: int | None = None
+    wanted: "Wanted | None" = None
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """An explanation in one of `service.evidence.FORMS`, of the class `label` or the likeliest."""
+
+    form: str
+    label: str | None
 
 
 @dataclass(frozen=True)
 class Record:
-    """An `Answer` as it leaves, in JSON, and how long each stage took, in milliseconds."""
+    """The bytes of an answer, an `Answer` in JSON or an explanation, and how long each stage
+    took, in milliseconds."""
 
-    json: bytes
+    content: bytes
     timings_ms: dict[str, float]
 
 
@@ -81,10 +92,13 @@ def warm_up(setup: Setup) -> list[dict[str, Any]]:
 
 
 def classify(work: Work) -> Record:
-    """Classify one mesh in a process that is warm. Raises MeshError or TaskFailed."""
+    """Classify one mesh in a process that is warm, and explain it where that is wanted.
+
+    Raises MeshError or TaskFailed.
+    """
     limit_cpu(_worker.setup.seconds)
     try:
-        result = _worker.classifiers[work.model].classify(work.content, work.declared)
+        return _record(work, _worker.classifiers[work.model])
     except MeshError as error:
         # A reader takes whatever goes wrong in it for a damaged file.
         if isinstance(error.__cause__, MemoryError):
@@ -95,8 +109,16 @@ def classify(work: Work) -> Record:
     except Exception:
         # Some exceptions of libraries cannot be rebuilt on the other side.
         raise TaskFailed(traceback.format_exc()) from None
-    record = answer(work.file, result, work.top)
-    return Record(record.model_dump_json(by_alias=True).encode(), result.timings_ms)
+
+
+def _record(work: Work, classifier: Classifier) -> Record:
+    if work.wanted is not None:
+        found = explain(classifier, work.content, work.declared, work.wanted.label)
+        content = FORMS[work.wanted.form].write(work.file, found)
+        return Record(content, found.classification.timings_ms)
+    result = classifier.classify(work.content, work.declared)
+    content = answer(work.file, result, work.top).model_dump_json(by_alias=True).encode()
+    return Record(content, result.timings_ms)
 
 
 def _too_much_memory() -> UnusableMesh:

@@ -1,0 +1,156 @@
+// What the service is asked, and what it answers. Paths are relative to the page.
+
+export interface ClassScore {
+  class: string;
+  probability: number;
+  score: number;
+}
+
+export interface MeshReport {
+  faces_in: number;
+  faces_used: number;
+  vertices_merged: number;
+  degenerate_dropped: number;
+  duplicates_dropped: number;
+  nonmanifold_edges: number;
+  flipped: number;
+  components: number;
+  border_edges: number;
+  watertight: boolean;
+  resampled: "none" | "decimated" | "subdivided";
+  within_budget: boolean;
+  components_lost: number;
+  area_kept: number;
+}
+
+export interface Answer {
+  file: string | null;
+  class: string;
+  probability: number;
+  unknown: boolean | null;
+  scores: ClassScore[];
+  model: { name: string; sha256: string };
+  mesh: MeshReport;
+  timings_ms: Record<string, number>;
+}
+
+export interface Model {
+  name: string;
+  config: { classes: string[]; pooling: "geometric" | "learned" };
+}
+
+export interface Sample {
+  class: string;
+  file: string;
+  bytes: number;
+}
+
+export interface Limits {
+  upload_bytes: number;
+}
+
+/** Why there is no answer: words for people, and whether to ask again may help. */
+export class Refused extends Error {
+  constructor(
+    readonly title: string,
+    message: string,
+    readonly again: boolean,
+    readonly requestId: string | null = null,
+  ) {
+    super(message);
+  }
+}
+
+const SILENT = new Refused(
+  "The service does not answer",
+  "It may be starting, or the connection is gone. Try again in a moment.",
+  true,
+);
+
+async function get<Value>(path: string): Promise<Value> {
+  const response = await fetch(path).catch(() => {
+    throw SILENT;
+  });
+  if (!response.ok) throw refusal(response.status, await response.text());
+  return (await response.json()) as Value;
+}
+
+export const models = async () => (await get<{ models: Model[] }>("v1/models")).models;
+export const samples = async () => (await get<{ samples: Sample[] }>("v1/samples")).samples;
+export const limits = () => get<Limits>("v1/limits");
+
+export async function sampleFile(sample: Sample): Promise<File> {
+  const response = await fetch(`v1/samples/${encodeURIComponent(sample.file)}`).catch(() => {
+    throw SILENT;
+  });
+  if (!response.ok) throw refusal(response.status, await response.text());
+  return new File([await response.blob()], sample.file);
+}
+
+export type Progress = (share: number) => void;
+
+/** Classify a file; `progress` hears what share of it is sent. */
+export async function classify(file: File, model: string, progress: Progress): Promise<Answer> {
+  const blob = await post(file, "v1/classify", { model }, "application/json", progress);
+  return JSON.parse(await blob.text()) as Answer;
+}
+
+/** A file explained, in one of the media types that the service offers. */
+export const explain = (file: File, model: string, label: string, accept: string) =>
+  post(file, "v1/explain", { model, class: label }, accept, () => {});
+
+// fetch() cannot tell how much of a body is sent.
+function post(
+  file: File,
+  path: string,
+  query: Record<string, string>,
+  accept: string,
+  progress: Progress,
+): Promise<Blob> {
+  return new Promise((resolve, reject) => {
+    const request = new XMLHttpRequest();
+    request.open("POST", `${path}?${new URLSearchParams(query)}`);
+    request.responseType = "blob";
+    request.setRequestHeader("accept", accept);
+    request.upload.onprogress = (event) => {
+      if (event.lengthComputable) progress(event.loaded / event.total);
+    };
+    request.onerror = () => reject(SILENT);
+    request.onload = async () => {
+      const body = request.response as Blob;
+      if (request.status === 200) resolve(body);
+      else reject(refusal(request.status, await body.text()));
+    };
+    const form = new FormData();
+    form.append("file", file, file.name);
+    request.send(form);
+  });
+}
+
+const TITLES: Record<number, string> = {
+  400: "This file cannot be read",
+  404: "There is no such thing here",
+  408: "The upload took too long",
+  413: "This file is too large",
+  415: "This format is not read",
+  422: "This file holds no usable mesh",
+  503: "The service is busy",
+  504: "This mesh takes too long",
+};
+
+function refusal(status: number, text: string): Refused {
+  const again = [408, 500, 503, 504].includes(status);
+  const title = TITLES[status] ?? "The service failed on this file";
+  try {
+    const problem = JSON.parse(text) as { detail: string; request_id: string };
+    return new Refused(title, sentence(problem.detail), again, problem.request_id);
+  } catch {
+    // Not from this service, but from something in front of it.
+    return new Refused(title, `The answer was HTTP status ${status}.`, again);
+  }
+}
+
+function sentence(text: string): string {
+  const start = text.charAt(0).toUpperCase() + text.slice(1);
+  return /[.!?]$/.test(start) ? start : `${start}.`;
+}

@@ -1,0 +1,116 @@
+// The panel beside the view: what one file is, or why it is nothing.
+
+import type { Answer, Refused } from "../api";
+import { make } from "../dom";
+import type { Entry } from "../entries";
+import { describe, megabytes, percent } from "../words";
+import { bars } from "./bars";
+
+export interface Actions {
+  choose(label: string): void;
+  retry(): void;
+  save(form: "glb" | "ply" | "json"): void;
+}
+
+/** The content of the panel for an entry. */
+export function panel(entry: Entry, explains: boolean, actions: Actions): HTMLElement[] {
+  const title = make("p", { className: "file-name", textContent: entry.file.name });
+  const { state } = entry;
+  if (state.step === "failed") return [title, ...failure(state.error, actions)];
+  if (state.step === "done") return [title, ...success(entry, state.answer, explains, actions)];
+  const sending = state.step === "sending";
+  const bar = make("progress", { max: 1, aria: { label: sending ? "Upload" : "Classification" } });
+  if (sending) bar.value = state.share;
+  const words = sending
+    ? `Sending ${megabytes(entry.file.size)} … ${Math.round(100 * state.share)} %`
+    : "Looking at it …";
+  return [title, make("h2", { className: "verdict waiting", textContent: words }), bar];
+}
+
+function failure(error: Refused, actions: Actions): HTMLElement[] {
+  const parts: HTMLElement[] = [
+    make("h2", { className: "verdict failed", textContent: error.title }),
+    make("p", { className: "reason", textContent: error.message }),
+  ];
+  if (error.again) {
+    parts.push(make("button", { type: "button", textContent: "Try again", onclick: actions.retry }));
+  }
+  if (error.requestId) {
+    parts.push(make("p", { className: "quiet", textContent: `Request ${error.requestId}` }));
+  }
+  return parts;
+}
+
+function success(
+  entry: Entry,
+  answer: Answer,
+  explains: boolean,
+  actions: Actions,
+): HTMLElement[] {
+  return [
+    ...verdict(answer),
+    bars(answer, entry, explains ? actions.choose : null),
+    section("The mesh", ...describe(answer.mesh).map((text) => make("p", { textContent: text }))),
+    section("Time", timings(answer)),
+    section("Take it with you", downloads(entry, explains, actions)),
+  ];
+}
+
+function verdict(answer: Answer): HTMLElement[] {
+  if (answer.unknown) {
+    return [
+      make("h2", { className: "verdict unknown", textContent: "Unknown" }),
+      make("p", {
+        className: "confidence",
+        textContent: `Unlike everything that ${answer.model.name} knows. Nearest is ${answer.class}.`,
+      }),
+    ];
+  }
+  const sure = `${percent(answer.probability)} confident`;
+  return [
+    make("h2", { className: "verdict", textContent: answer.class }),
+    make("p", { className: "confidence", textContent: `${sure}, says ${answer.model.name}` }),
+  ];
+}
+
+function section(title: string, ...content: HTMLElement[]): HTMLElement {
+  return make("section", {}, make("h3", { textContent: title }), ...content);
+}
+
+const STAGES: Record<string, string> = {
+  read: "read",
+  prepare: "prepare",
+  topology: "topology",
+  infer: "network",
+};
+
+function timings(answer: Answer): HTMLElement {
+  const stages = Object.entries(answer.timings_ms);
+  const list = make("dl", { className: "timings" });
+  const total = stages.reduce((sum, [, ms]) => sum + ms, 0);
+  for (const [name, ms] of [...stages, ["together", total] as const]) {
+    list.append(
+      make(
+        "div",
+        {},
+        make("dt", { textContent: STAGES[name] ?? name }),
+        make("dd", { textContent: `${ms < 10 ? ms.toFixed(1) : Math.round(ms)} ms` }),
+      ),
+    );
+  }
+  return list;
+}
+
+function downloads(entry: Entry, explains: boolean, actions: Actions): HTMLElement {
+  const row = make("div", { className: "downloads" });
+  const button = (form: "glb" | "ply" | "json", text: string) =>
+    make("button", { type: "button", textContent: text, onclick: () => actions.save(form) });
+  if (explains) {
+    const label = entry.chosen ?? entry.answer!.class;
+    row.append(button("glb", "Coloured mesh (GLB)"), button("ply", "PLY"));
+    row.setAttribute("aria-label", `Evidence for ${label}`);
+    row.setAttribute("role", "group");
+  }
+  row.append(button("json", "Record (JSON)"));
+  return row;
+}

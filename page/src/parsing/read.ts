@@ -1,0 +1,69 @@
+// From the bytes of a file to what the view draws.
+
+import { OBJLoader } from "three/examples/jsm/loaders/OBJLoader.js";
+import { PLYLoader } from "three/examples/jsm/loaders/PLYLoader.js";
+import { STLLoader } from "three/examples/jsm/loaders/STLLoader.js";
+import { extensionOf, type Extension } from "./formats";
+import { readGltf } from "./gltf";
+import { readOff } from "./off";
+import { reduced } from "./reduce";
+import { soupOf, soupOfGeometry, type Soup } from "./soup";
+import { read3mf } from "./threemf";
+
+/** A mesh to show: centred, of radius 1. positions: 9 numbers a face; colours: the same, or none.
+ * faces: how many the file has, of which `positions` may hold fewer. */
+export interface Shown {
+  positions: Float32Array;
+  colours: Float32Array | null;
+  faces: number;
+}
+
+const text = (data: ArrayBuffer) => new TextDecoder().decode(data);
+
+const READERS: Record<Extension, (data: ArrayBuffer) => Soup | Promise<Soup>> = {
+  obj: (data) => soupOf(new OBJLoader().parse(text(data))),
+  off: (data) => readOff(text(data)),
+  stl: (data) => soupOfGeometry(new STLLoader().parse(data)),
+  ply: (data) => soupOfGeometry(new PLYLoader().parse(data)),
+  glb: readGltf,
+  gltf: readGltf,
+  "3mf": read3mf,
+};
+
+/** coloured: whether the file's colours are shown. Throws for what cannot be shown. */
+export async function read(name: string, data: ArrayBuffer, coloured: boolean): Promise<Shown> {
+  const reader = READERS[extensionOf(name) as Extension];
+  if (!reader) throw new Error(`no reader for ${name}`);
+  const soup = await reader(data);
+  const faces = soup.positions.length / 9;
+  if (!faces || !soup.positions.every(Number.isFinite)) throw new Error("nothing to show");
+  const few = reduced(soup);
+  return {
+    positions: centred(soup.positions, few.positions),
+    colours: coloured && few.colours ? perCorner(few.colours) : null,
+    faces,
+  };
+}
+
+/** `shown` as seen from the middle of `whole`, so that both forms of a mesh lie alike. */
+function centred(whole: Float64Array, shown: Float64Array): Float32Array {
+  const low = [Infinity, Infinity, Infinity];
+  const high = [-Infinity, -Infinity, -Infinity];
+  for (let i = 0; i < whole.length; i++) {
+    const k = i % 3;
+    if (whole[i] < low[k]) low[k] = whole[i];
+    if (whole[i] > high[k]) high[k] = whole[i];
+  }
+  const middle = low.map((value, k) => (value + high[k]) / 2);
+  const radius = Math.hypot(...high.map((value, k) => value - middle[k])) || 1;
+  return Float32Array.from(shown, (value, i) => (value - middle[i % 3]) / radius);
+}
+
+function perCorner(colours: Float32Array): Float32Array {
+  const corners = new Float32Array(3 * colours.length);
+  for (let f = 0; f < colours.length / 3; f++) {
+    const colour = colours.subarray(3 * f, 3 * f + 3);
+    for (let s = 0; s < 3; s++) corners.set(colour, 9 * f + 3 * s);
+  }
+  return corners;
+}

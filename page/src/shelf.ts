@@ -1,0 +1,44 @@
+// Meshes side by side: those of this visit, and the samples.
+
+import type { Sample } from "./api";
+import { make } from "./dom";
+import type { Entry } from "./entries";
+import { verdict } from "./words";
+
+export function entryCard(entry: Entry, current: boolean, select: () => void): HTMLElement {
+  const { state } = entry;
+  const words = {
+    sending: "sending …",
+    waiting: "looking …",
+    done: entry.answer ? verdict(entry.answer) : "",
+    failed: "not usable",
+  }[state.step];
+  const card = make(
+    "button",
+    { type: "button", className: `card ${state.step}`, onclick: select },
+    picture(entry.picture),
+    make("span", { className: "card-name", textContent: entry.file.name }),
+    make("span", { className: "card-verdict", textContent: words }),
+  );
+  if (current) card.setAttribute("aria-current", "true");
+  return make("li", {}, card);
+}
+
+/** A sample's card, and the place of its picture, which comes later. */
+export function sampleCard(sample: Sample, open: () => void): { card: HTMLElement; image: HTMLElement } {
+  const image = picture(null);
+  const button = make(
+    "button",
+    { type: "button", className: "card", onclick: open },
+    image,
+    make("span", { className: "card-name", textContent: sample.class.replaceAll("_", " ") }),
+    make("span", { className: "card-verdict", textContent: sample.file.split(".").pop()! }),
+  );
+  return { card: make("li", {}, button), image };
+}
+
+export function picture(source: string | null): HTMLElement {
+  const frame = make("span", { className: "picture" });
+  if (source) frame.append(make("img", { src: source, alt: "" }));
+  return frame;
+}

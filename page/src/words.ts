@@ -1,0 +1,57 @@
+// What the service found, in plain words.
+
+import type { Answer, MeshReport } from "./api";
+
+const whole = new Intl.NumberFormat("en", { useGrouping: true });
+
+/** 12 040: thin spaces, which neither tongue takes for a decimal mark. */
+export const count = (value: number) => whole.format(value).replaceAll(",", "\u202f");
+
+const counted = (value: number, one: string, many = `${one}s`) =>
+  `${count(value)} ${value === 1 ? one : many}`;
+
+export function percent(share: number): string {
+  if (share > 0.999 && share < 1) return "> 99.9 %";
+  if (share < 0.001 && share > 0) return "< 0.1 %";
+  return `${(100 * share).toFixed(1)} %`;
+}
+
+export function megabytes(bytes: number): string {
+  return bytes < 1e6 ? `${Math.max(1, Math.round(bytes / 1e3))} kB` : `${(bytes / 1e6).toFixed(1)} MB`;
+}
+
+/** "snake 99.6 %" or "unknown", for lists and screen readers. */
+export function verdict(answer: Answer): string {
+  return answer.unknown ? "unknown" : `${answer.class}, ${percent(answer.probability)}`;
+}
+
+/** The first sentence says what the mesh is like; the others, what was done to it. */
+export function describe(mesh: MeshReport): string[] {
+  const surface = mesh.watertight ? "Closed" : `Open (${counted(mesh.border_edges, "border edge")})`;
+  const parts = mesh.components === 1 ? "in one piece" : `in ${count(mesh.components)} pieces`;
+  const sentences = [`${surface}, ${parts}, ${faces(mesh)}.`];
+  const did: [number, string][] = [
+    [mesh.vertices_merged, `merged ${counted(mesh.vertices_merged, "coinciding vertex", "coinciding vertices")}`],
+    [mesh.degenerate_dropped, `dropped ${counted(mesh.degenerate_dropped, "face")} without area`],
+    [mesh.duplicates_dropped, `dropped ${counted(mesh.duplicates_dropped, "duplicate face")}`],
+    [mesh.nonmanifold_edges, `cut ${counted(mesh.nonmanifold_edges, "edge")} with more than two faces`],
+    [mesh.flipped, `turned ${counted(mesh.flipped, "face")} the right way out`],
+    [mesh.components_lost, `lost ${counted(mesh.components_lost, "small piece")}`],
+  ];
+  const done = did.filter(([number]) => number > 0).map(([, words]) => words);
+  if (done.length) sentences.push(`On the way we ${listed(done)}.`);
+  if (Math.abs(mesh.area_kept - 1) > 0.05) {
+    sentences.push(`Simplifying changed the surface to ${Math.round(100 * mesh.area_kept)} % of its area.`);
+  }
+  if (!mesh.within_budget) sentences.push("It has so many pieces that it could not be made simpler.");
+  return sentences;
+}
+
+function faces(mesh: MeshReport): string {
+  const all = counted(mesh.faces_in, "face");
+  if (mesh.resampled === "decimated") return `${all}, simplified to ${count(mesh.faces_used)}`;
+  if (mesh.resampled === "subdivided") return `${all}, divided into ${count(mesh.faces_used)}`;
+  return all;
+}
+
+const listed = (items: string[]) => new Intl.ListFormat("en").format(items);
