@@ -53,28 +53,45 @@ def either(request: pytest.FixtureRequest) -> NetworkConfig:
     return request.param
 
 
-@pytest.fixture(scope="session")
-def checkpoint_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A checkpoint of a small, untrained network over three classes."""
+def tiny_checkpoint(config: NetworkConfig, path: Path) -> Path:
+    """Save a checkpoint of a small, untrained network."""
     from model.calibration import Calibration
     from model.checkpoint import Checkpoint, save_checkpoint
     from tests.networks import untrained
 
-    path = tmp_path_factory.mktemp("checkpoint") / "tiny.safetensors"
     training = {"data": {"name": "none"}, "accuracy": {"test": 0.25}}
     calibration = Calibration(temperature=2.0, novelty_limit=1e6, meshes=9)
-    save_checkpoint(Checkpoint(untrained(SMALL), calibration, training), path)
+    save_checkpoint(Checkpoint(untrained(config), calibration, training), path)
     return path
+
+
+def exported(checkpoint: Path, path: Path) -> Path:
+    """The model file that `meshconv3d export` makes of a checkpoint."""
+    from click.testing import CliRunner
+
+    from service.cli.main import commands
+
+    result = CliRunner().invoke(commands, ["export", str(checkpoint), "-o", str(path)])
+    assert result.exit_code == 0, result.output
+    return path
+
+
+@pytest.fixture(scope="session")
+def checkpoint_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A checkpoint of a small, untrained network over three classes."""
+    return tiny_checkpoint(SMALL, tmp_path_factory.mktemp("checkpoint") / "tiny.safetensors")
 
 
 @pytest.fixture(scope="session")
 def model_file(checkpoint_file: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """That checkpoint as `meshconv3d export` writes it: `tiny.onnx`."""
-    from click.testing import CliRunner
+    return exported(checkpoint_file, tmp_path_factory.mktemp("model") / "tiny.onnx")
 
-    from service.cli.main import commands
 
-    path = tmp_path_factory.mktemp("model") / "tiny.onnx"
-    result = CliRunner().invoke(commands, ["export", str(checkpoint_file), "-o", str(path)])
-    assert result.exit_code == 0, result.output
-    return path
+@pytest.fixture(scope="session")
+def learned_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The same with learned pooling: `learned.onnx`."""
+    folder = tmp_path_factory.mktemp("learned")
+    config = replace(SMALL, pooling="learned")
+    checkpoint = tiny_checkpoint(config, folder / "learned.safetensors")
+    return exported(checkpoint, folder / "learned.onnx")

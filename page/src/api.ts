@@ -61,6 +61,9 @@ export class Refused extends Error {
   }
 }
 
+export const asRefused = (error: unknown) =>
+  error instanceof Refused ? error : new Refused("This page failed", String(error), true);
+
 const SILENT = new Refused(
   "The service does not answer",
   "It may be starting, or the connection is gone. Try again in a moment.",

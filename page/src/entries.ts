@@ -47,6 +47,14 @@ export class Entry {
     this.zUp = zUp;
   }
 
+  /** Begin anew, with a model. */
+  forget(model: string): void {
+    this.model = model;
+    this.state = { step: "sending", share: 0 };
+    this.explained.clear();
+    this.chosen = this.explainError = null;
+  }
+
   get answer(): Answer | null {
     return this.state.step === "done" ? this.state.answer : null;
   }

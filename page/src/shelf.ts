@@ -3,7 +3,7 @@
 import type { Sample } from "./api";
 import { make } from "./dom";
 import type { Entry } from "./entries";
-import { verdict } from "./words";
+import { plain, verdict } from "./words";
 
 export function entryCard(entry: Entry, current: boolean, select: () => void): HTMLElement {
   const { state } = entry;
@@ -31,7 +31,7 @@ export function sampleCard(sample: Sample, open: () => void): { card: HTMLElemen
     "button",
     { type: "button", className: "card", onclick: open },
     image,
-    make("span", { className: "card-name", textContent: sample.class.replaceAll("_", " ") }),
+    make("span", { className: "card-name", textContent: plain(sample.class) }),
     make("span", { className: "card-verdict", textContent: sample.file.split(".").pop()! }),
   );
   return { card: make("li", {}, button), image };

@@ -11,18 +11,26 @@ const counted = (value: number, one: string, many = `${one}s`) =>
   `${count(value)} ${value === 1 ? one : many}`;
 
 export function percent(share: number): string {
-  if (share > 0.999 && share < 1) return "> 99.9 %";
-  if (share < 0.001 && share > 0) return "< 0.1 %";
-  return `${(100 * share).toFixed(1)} %`;
+  if (share > 0.999 && share < 1) return ">\u00a099.9\u00a0%";
+  if (share < 0.001 && share > 0) return "<\u00a00.1\u00a0%";
+  return `${(100 * share).toFixed(1)}\u00a0%`;
 }
 
 export function megabytes(bytes: number): string {
-  return bytes < 1e6 ? `${Math.max(1, Math.round(bytes / 1e3))} kB` : `${(bytes / 1e6).toFixed(1)} MB`;
+  if (bytes < 1e6) return `${Math.max(1, Math.round(bytes / 1e3))} kB`;
+  return `${(bytes / 1e6).toFixed(bytes < 1e7 ? 1 : 0)} MB`;
 }
+
+/** A number after its sign, for sums. */
+export const signed = (value: number) =>
+  `${value < 0 ? "\u2212" : "+"} ${Math.abs(value).toFixed(2)}`;
+
+/** The name of a class, as one would write it. */
+export const plain = (name: string) => name.replaceAll("_", " ");
 
 /** "snake 99.6 %" or "unknown", for lists and screen readers. */
 export function verdict(answer: Answer): string {
-  return answer.unknown ? "unknown" : `${answer.class}, ${percent(answer.probability)}`;
+  return answer.unknown ? "unknown" : `${plain(answer.class)}, ${percent(answer.probability)}`;
 }
 
 /** The first sentence says what the mesh is like; the others, what was done to it. */

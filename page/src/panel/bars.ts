@@ -3,7 +3,7 @@
 import type { Answer } from "../api";
 import { make } from "../dom";
 import type { Entry } from "../entries";
-import { percent } from "../words";
+import { percent, plain } from "../words";
 
 const FEW = 5;
 
@@ -16,10 +16,7 @@ export function bars(
   const all = answer.scores.map((score) => bar(score.class, score.probability, entry, choose));
   const list = make("ol", { className: "bars" }, ...all.slice(0, FEW));
   const box = make("section", {}, make("h3", { textContent: "Classes" }));
-  if (choose) {
-    const hint = "Choose a class to see on the surface what speaks for it and against it.";
-    box.append(make("p", { className: "quiet", textContent: hint }));
-  } else {
+  if (!choose) {
     const hint = "This model pools by learned features, and cannot show its evidence.";
     box.append(make("p", { className: "quiet", textContent: hint }));
   }
@@ -57,7 +54,7 @@ function bar(
   const fill = make("span", { className: "bar-fill" });
   fill.style.width = `${Math.max(0.4, 100 * probability)}%`;
   const parts = [
-    make("span", { className: "bar-name", textContent: label }),
+    make("span", { className: "bar-name", textContent: plain(label) }),
     make("span", { className: "bar-value", textContent: percent(probability) }),
     make("span", { className: "bar", ariaHidden: "true" }, fill),
   ];

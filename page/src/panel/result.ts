@@ -3,13 +3,14 @@
 import type { Answer, Refused } from "../api";
 import { make } from "../dom";
 import type { Entry } from "../entries";
-import { describe, megabytes, percent } from "../words";
+import type { Form } from "../visit";
+import { describe, megabytes, percent, plain } from "../words";
 import { bars } from "./bars";
 
 export interface Actions {
   choose(label: string): void;
   retry(): void;
-  save(form: "glb" | "ply" | "json"): void;
+  save(form: Form): void;
 }
 
 /** The content of the panel for an entry. */
@@ -62,13 +63,13 @@ function verdict(answer: Answer): HTMLElement[] {
       make("h2", { className: "verdict unknown", textContent: "Unknown" }),
       make("p", {
         className: "confidence",
-        textContent: `Unlike everything that ${answer.model.name} knows. Nearest is ${answer.class}.`,
+        textContent: `Unlike everything that ${answer.model.name} knows. Nearest is ${plain(answer.class)}.`,
       }),
     ];
   }
   const sure = `${percent(answer.probability)} confident`;
   return [
-    make("h2", { className: "verdict", textContent: answer.class }),
+    make("h2", { className: "verdict", textContent: plain(answer.class) }),
     make("p", { className: "confidence", textContent: `${sure}, says ${answer.model.name}` }),
   ];
 }
@@ -88,7 +89,7 @@ function timings(answer: Answer): HTMLElement {
   const stages = Object.entries(answer.timings_ms);
   const list = make("dl", { className: "timings" });
   const total = stages.reduce((sum, [, ms]) => sum + ms, 0);
-  for (const [name, ms] of [...stages, ["together", total] as const]) {
+  for (const [name, ms] of [...stages, ["total", total] as const]) {
     list.append(
       make(
         "div",
@@ -103,14 +104,14 @@ function timings(answer: Answer): HTMLElement {
 
 function downloads(entry: Entry, explains: boolean, actions: Actions): HTMLElement {
   const row = make("div", { className: "downloads" });
-  const button = (form: "glb" | "ply" | "json", text: string) =>
+  const button = (form: Form, text: string) =>
     make("button", { type: "button", textContent: text, onclick: () => actions.save(form) });
   if (explains) {
     const label = entry.chosen ?? entry.answer!.class;
     row.append(button("glb", "Coloured mesh (GLB)"), button("ply", "PLY"));
-    row.setAttribute("aria-label", `Evidence for ${label}`);
+    row.setAttribute("aria-label", `Evidence for ${plain(label)}`);
     row.setAttribute("role", "group");
   }
-  row.append(button("json", "Record (JSON)"));
+  row.append(button("json", "JSON"));
   return row;
 }
