@@ -12,7 +12,6 @@ import {
   PerspectiveCamera,
   Scene,
   Spherical,
-  Vector3,
   WebGLRenderer,
 } from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
@@ -67,6 +66,7 @@ export class Viewer {
   private readonly controls: OrbitControls;
   private mesh: Mesh<BufferGeometry, MeshStandardMaterial> | null = null;
   private asked = false;
+  private drawnAt = 0;
 
   /** Throws where there is no WebGL. */
   constructor(private readonly canvas: HTMLCanvasElement) {
@@ -106,9 +106,7 @@ export class Viewer {
   }
 
   reset(): void {
-    this.camera.position.setFromSpherical(START);
-    this.controls.update();
-    this.draw();
+    this.place(START);
   }
 
   set spinning(on: boolean) {
@@ -134,7 +132,15 @@ export class Viewer {
     this.onTouched();
     move();
     place.radius = Math.min(Math.max(place.radius, 1.1), 8);
-    this.camera.position.copy(new Vector3().setFromSpherical(place.makeSafe()));
+    this.place(place.makeSafe());
+  }
+
+  /** Put the camera somewhere, and end what still moves it after a drag. */
+  private place(where: Spherical): void {
+    this.controls.enableDamping = false;
+    this.controls.update();
+    this.controls.enableDamping = true;
+    this.camera.position.setFromSpherical(where);
     this.controls.update();
     this.draw();
   }
@@ -153,10 +159,14 @@ export class Viewer {
   private draw(): void {
     if (this.asked) return;
     this.asked = true;
-    requestAnimationFrame(() => {
+    requestAnimationFrame((now) => {
       this.asked = false;
-      this.controls.update(); // asks for another frame while something moves
+      // At the same speed however slow the frames are, and without a leap after a pause.
+      this.controls.update(Math.min((now - this.drawnAt) / 1000, 0.1));
+      this.drawnAt = now;
       this.renderer.render(this.scene, this.camera);
+      // Damping asks for further frames by itself, as long as it moves the camera.
+      if (this.controls.autoRotate && this.mesh) this.draw();
     });
   }
 }

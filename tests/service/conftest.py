@@ -56,12 +56,16 @@ class Service:
 def start(
     model_file: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> Iterator[Callable[..., Service]]:
-    """Starts services, each ready when it is returned, and ends what is left of them."""
+    """Starts services, each ready when it is returned, and ends what is left of them.
+
+    Each has the small model first; `alone`, only those that its options name.
+    """
     processes = []
 
-    def start_one(*options: str, **variables: str) -> Service:
+    def start_one(*options: str, alone: bool = False, **variables: str) -> Service:
         log = tmp_path_factory.mktemp("service") / "log"
-        command = [PROGRAM, "serve", "--model", str(model_file), "--port", "0", *options]
+        models = () if alone else ("--model", str(model_file))
+        command = [PROGRAM, "serve", *models, "--port", "0", *options]
         with log.open("wb") as stream:
             process = subprocess.Popen(
                 command, stdout=stream, stderr=stream, env=environment(**variables)

@@ -1,0 +1,121 @@
+"""A browser, and a page that a real service gives it."""
+
+import os
+import shutil
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pytest
+from playwright.sync_api import Browser, Locator, Page, Playwright, expect, sync_playwright
+
+from tests.meshes import torus
+from tests.service.conftest import LIMIT, Service
+
+# WebGL in software: machines that test have no graphics card.
+SOFTWARE = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
+NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
+expect.set_options(timeout=60_000)
+
+
+@pytest.fixture(scope="session")
+def chromium() -> Iterator[tuple[Playwright, str]]:
+    """Playwright, and the program of a Chromium: the system's, or one that Playwright installed."""
+    with sync_playwright() as playwright:
+        found = next(filter(None, map(shutil.which, NAMES)), playwright.chromium.executable_path)
+        if Path(found).exists():
+            yield playwright, found
+            return
+    reason = "no Chromium: apt-get install chromium, or playwright install --with-deps chromium"
+    if os.environ.get("CI"):
+        pytest.fail(reason)
+    pytest.skip(reason)
+
+
+@pytest.fixture(scope="session")
+def browser(chromium: tuple[Playwright, str]) -> Iterator[Browser]:
+    playwright, program = chromium
+    running = playwright.chromium.launch(executable_path=program, args=SOFTWARE)
+    yield running
+    running.close()
+
+
+@pytest.fixture(scope="session")
+def site(start: Callable[..., Service], model_file: Path, learned_file: Path) -> Service:
+    """A service with three models; shrec11 is the default."""
+    models = ("shrec11", str(model_file), str(learned_file))
+    return start(
+        *(word for model in models for word in ("--model", model)),
+        *("--workers", "1", "--max-upload-bytes", str(40 * LIMIT)),
+        alone=True,
+    )
+
+
+@dataclass
+class Visitor:
+    """Somebody on the page."""
+
+    page: Page
+    site: Service
+    asked: list[str] = field(default_factory=list)
+    errors: list[str] = field(default_factory=list)
+
+    def at(self, selector: str) -> Locator:
+        return self.page.locator(selector)
+
+    def give(self, *files: Path | dict) -> None:
+        """Choose files, as in the dialog."""
+        self.at("#files").set_input_files(list(files))  # type: ignore[arg-type]
+
+    def drawn(self) -> None:
+        """Wait until the mesh itself is in view."""
+        expect(self.at("#view")).to_have_attribute("data-shows", "mesh")
+
+    def classified(self) -> None:
+        expect(self.at(".bars")).to_be_visible()
+
+    def explain(self, label: str) -> None:
+        self.at(f'button[data-class="{label}"]').click()
+        expect(self.at("#view")).to_have_attribute("data-shows", label)
+
+
+@pytest.fixture
+def visit(browser: Browser, site: Service) -> Iterator[Callable[..., Visitor]]:
+    """Opens the page, at rest, in a window of its own. At the end, nothing went wrong on it, and
+    it asked nobody but its service."""
+    visitors: list[Visitor] = []
+
+    def open_page(**options: object) -> Visitor:
+        context = browser.new_context(reduced_motion="reduce", **options)  # type: ignore[arg-type]
+        page = context.new_page()
+        visitor = Visitor(page, site)
+        page.on("request", lambda request: visitor.asked.append(request.url))
+        page.on("pageerror", lambda error: visitor.errors.append(str(error)))
+        page.goto(site.url)
+        expect(page.locator("#model option").first).to_be_attached()
+        visitors.append(visitor)
+        return visitor
+
+    yield open_page
+    for visitor in visitors:
+        visitor.page.context.close()
+        assert visitor.errors == []
+        strangers = [u for u in visitor.asked if not u.startswith((site.url, "data:", "blob:"))]
+        assert strangers == []
+
+
+@pytest.fixture
+def visitor(visit: Callable[..., Visitor]) -> Visitor:
+    return visit(viewport={"width": 1280, "height": 860})
+
+
+@pytest.fixture(scope="session")
+def large_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A ring of 200 000 faces as binary STL, 10 MB."""
+    mesh = torus(1000, 100)
+    facets = np.zeros(len(mesh.faces), [("numbers", "<f4", 12), ("attribute", "<u2")])
+    facets["numbers"][:, 3:] = mesh.vertices[mesh.faces].reshape(-1, 9)
+    path = tmp_path_factory.mktemp("large") / "ring.stl"
+    path.write_bytes(bytes(80) + len(mesh.faces).to_bytes(4, "little") + facets.tobytes())
+    return path

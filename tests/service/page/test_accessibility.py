@@ -1,0 +1,115 @@
+"""The page for everybody: by keyboard, by ear, on a phone."""
+
+from collections.abc import Callable
+
+import pytest
+from axe_playwright_python.sync_playwright import Axe
+from playwright.sync_api import expect
+
+from model.samples import sample_paths
+from tests.service.page.conftest import Visitor
+from tests.service.page.pixels import changed, pixels
+
+SAMPLES = sample_paths()
+PHONE = {"viewport": {"width": 390, "height": 844}, "has_touch": True, "is_mobile": True}
+POINTS = {"name": "points.obj", "mimeType": "", "buffer": b"v 0 0 0\nv 1 0 0\n"}
+
+
+def faults(visitor: Visitor) -> list[str]:
+    """What axe-core finds that keeps people out, or nearly."""
+    found = Axe().run(visitor.page).response["violations"]
+    return [
+        f"{fault['id']}: {node['html']}"
+        for fault in found
+        if fault["impact"] in ("serious", "critical")
+        for node in fault["nodes"]
+    ]
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{"color_scheme": "light"}, {"color_scheme": "dark"}, PHONE],
+    ids=["light", "dark", "phone"],
+)
+def test_axe_finds_no_serious_fault(visit: Callable[..., Visitor], options: dict) -> None:
+    visitor = visit(**options)
+    expect(visitor.at("#sample-list img")).to_have_count(len(SAMPLES))
+    assert faults(visitor) == []
+    visitor.give(SAMPLES["octopus"], SAMPLES["ants"])
+    expect(visitor.at("#entries .card.done")).to_have_count(2)
+    visitor.explain("octopus")
+    assert faults(visitor) == []
+    visitor.give(POINTS)
+    expect(visitor.at(".verdict.failed")).to_be_visible()
+    assert faults(visitor) == []
+
+
+def press_until(visitor: Visitor, selector: str) -> None:
+    """Tab on until an element has the focus."""
+    target = visitor.at(selector)
+    for _ in range(60):
+        visitor.page.keyboard.press("Tab")
+        if target.evaluate("element => element === document.activeElement"):
+            return
+    raise AssertionError(f"Tab does not lead to {selector}")
+
+
+def test_everything_by_keyboard(visitor: Visitor) -> None:
+    expect(visitor.at("#sample-list img")).to_have_count(len(SAMPLES))
+    press_until(visitor, "#sample-list li:nth-child(4) button")
+    visitor.page.keyboard.press("Enter")
+    visitor.classified()
+    visitor.drawn()
+    visitor.page.keyboard.press("Home")
+    visitor.at(".brand").focus()
+    press_until(visitor, "#view")
+    view = visitor.at("#view")
+    before = pixels(view)
+    for key in ("ArrowRight", "ArrowRight", "ArrowUp", "+"):
+        visitor.page.keyboard.press(key)
+    visitor.page.wait_for_timeout(400)
+    assert changed(before, pixels(view)) > 0.02
+    visitor.page.keyboard.press("Home")
+    visitor.page.wait_for_timeout(400)
+    assert changed(before, pixels(view)) < 0.002
+    press_until(visitor, ".bars li:first-child button")
+    visitor.page.keyboard.press("Space")
+    expect(view).to_have_attribute("data-shows", "lamp")
+    # What had the focus, was made anew and has it again.
+    focused = visitor.page.evaluate("document.activeElement.dataset.class")
+    assert focused == "lamp"
+    expect(visitor.at('button[data-class="lamp"]')).to_have_attribute("aria-pressed", "true")
+
+
+def test_the_skip_link_leads_to_the_result(visitor: Visitor) -> None:
+    visitor.give(SAMPLES["lamp"])
+    visitor.classified()
+    visitor.at(".skip").focus()
+    visitor.page.keyboard.press("Enter")
+    assert visitor.page.evaluate("document.activeElement.id") == "result"
+
+
+def test_what_happens_is_announced(visitor: Visitor) -> None:
+    visitor.give(SAMPLES["snake"])
+    expect(visitor.at("#status")).to_contain_text("snake.3mf: snake, 99.6")
+    expect(visitor.at("#view")).to_have_attribute("aria-label", "snake.3mf in 3D, in grey")
+    visitor.explain("snake")
+    expect(visitor.at("#status")).to_have_text("The surface shows the evidence for snake")
+    label = "snake.3mf in 3D, evidence for snake in colours"
+    expect(visitor.at("#view")).to_have_attribute("aria-label", label)
+
+
+def test_a_phone_shows_all_without_scrolling_sideways(visit: Callable[..., Visitor]) -> None:
+    visitor = visit(**PHONE)
+    expect(visitor.at("#sample-list img")).to_have_count(len(SAMPLES))
+    width = "document.documentElement.scrollWidth"
+    assert visitor.page.evaluate(width) <= 390
+    visitor.at("#sample-list button").first.tap()
+    visitor.classified()
+    visitor.drawn()
+    visitor.at(".bars button").first.tap()
+    expect(visitor.at("#legend")).to_be_visible()
+    assert visitor.page.evaluate(width) <= 390
+    header = visitor.at("header").bounding_box()
+    assert header
+    assert header["height"] < 80  # one row

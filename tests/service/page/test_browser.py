@@ -1,0 +1,253 @@
+"""The page in a real browser: files in, results, 3D, evidence, errors."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import httpx
+import pytest
+from playwright.sync_api import Playwright, expect
+
+from model.loading import load_mesh
+from model.samples import sample_paths
+from tests.service.page.conftest import SOFTWARE, Visitor
+from tests.service.page.pixels import blue, changed, orange, pixels
+
+SAMPLES = sample_paths()
+POINTS = {"name": "points.obj", "mimeType": "", "buffer": b"v 0 0 0\nv 1 0 0\n"}
+
+
+def test_a_file_of_every_format_is_drawn_and_classified(visitor: Visitor) -> None:
+    """As the service classifies it; several files are a gallery, with a picture of each."""
+    names = ["ants", "hand", "octopus", "pliers", "snake", "spiders"]
+    paths = [SAMPLES[name] for name in names]
+    assert {path.suffix for path in paths} == {".obj", ".stl", ".off", ".glb", ".3mf", ".ply"}
+    visitor.give(*paths)
+    cards = visitor.at("#entries .card")
+    expect(visitor.at("#entries .card.done")).to_have_count(len(paths))
+    expect(visitor.at("#entries img")).to_have_count(len(paths))
+    for path in paths:
+        cards.filter(has_text=path.name).click()
+        visitor.drawn()
+        answer = httpx.post(
+            f"{visitor.site.url}/v1/classify", files={"file": (path.name, path.read_bytes())}
+        ).json()
+        title = "Unknown" if answer["unknown"] else answer["class"].replace("_", " ")
+        expect(visitor.at(".verdict")).to_have_text(title)
+        shown = visitor.at(".bars li").first
+        expect(shown).to_contain_text(answer["class"].replace("_", " "))
+        faces = f"{answer['mesh']['faces_in']:,}".replace(",", "\u202f")
+        expect(visitor.at("#result")).to_contain_text(f"Closed, in one piece, {faces} faces")
+
+
+def test_a_dragged_mesh_turns(visitor: Visitor) -> None:
+    visitor.give(SAMPLES["ants"])
+    visitor.drawn()
+    visitor.classified()
+    view = visitor.at("#view")
+    before = pixels(view)
+    box = view.bounding_box()
+    assert box
+    visitor.page.mouse.move(box["x"] + 300, box["y"] + 250)
+    visitor.page.mouse.down()
+    visitor.page.mouse.move(box["x"] + 450, box["y"] + 290, steps=5)
+    visitor.page.mouse.up()
+    visitor.page.wait_for_timeout(500)
+    assert changed(before, pixels(view)) > 0.02
+    visitor.at("#reset").click()
+    visitor.page.wait_for_timeout(500)
+    assert changed(before, pixels(view)) < 0.002
+
+
+def test_it_turns_by_itself_until_touched(visitor: Visitor) -> None:
+    visitor.give(SAMPLES["ants"])
+    visitor.drawn()
+    visitor.classified()
+    view = visitor.at("#view")
+    visitor.at("#spin").click()
+    before = pixels(view)
+    visitor.page.wait_for_timeout(1500)
+    assert changed(before, pixels(view)) > 0.005
+    view.click()
+    expect(visitor.at("#spin")).to_have_attribute("aria-pressed", "false")
+
+
+def test_a_class_colours_the_surface_and_another_otherwise(visitor: Visitor) -> None:
+    visitor.give(SAMPLES["spiders"])
+    visitor.drawn()
+    visitor.classified()
+    view = visitor.at("#view")
+    bare = pixels(view)
+    assert orange(bare) < 0.001
+    visitor.explain("spiders")
+    expect(visitor.at("#legend")).to_contain_text("What speaks for spiders")
+    visitor.page.wait_for_timeout(300)
+    first = pixels(view)
+    assert orange(first) > 0.01
+    other = visitor.at(".bars button").nth(1).get_attribute("data-class")
+    assert other
+    visitor.explain(other)
+    visitor.page.wait_for_timeout(300)
+    second = pixels(view)
+    assert changed(first, second) > 0.02
+    assert blue(second) > blue(first)
+    visitor.at(f'button[data-class="{other}"]').click()
+    visitor.drawn()
+    visitor.page.wait_for_timeout(300)
+    assert changed(bare, pixels(view)) < 0.002
+    expect(visitor.at("#legend")).to_be_hidden()
+
+
+def test_all_classes_can_be_seen(visitor: Visitor) -> None:
+    visitor.give(SAMPLES["lamp"])
+    expect(visitor.at(".bars li")).to_have_count(5)
+    visitor.at(".more").click()
+    expect(visitor.at(".bars li")).to_have_count(30)
+
+
+def test_samples_are_a_click_away(visitor: Visitor) -> None:
+    expect(visitor.at("#sample-list img")).to_have_count(len(SAMPLES))
+    visitor.at("#sample-list .card").filter(has_text="two balls").click()
+    visitor.drawn()
+    expect(visitor.at(".verdict")).to_have_text("two balls")
+
+
+def test_what_can_be_taken_along(visitor: Visitor, tmp_path: Path) -> None:
+    visitor.give(SAMPLES["lamp"])
+    visitor.classified()
+    for name, extension in (("GLB", "glb"), ("PLY", "ply"), ("JSON", "json")):
+        with visitor.page.expect_download() as download:
+            visitor.at(".downloads button").filter(has_text=name).click()
+        path = tmp_path / download.value.suggested_filename
+        assert path.name == f"lamp.obj-lamp.{extension}"
+        download.value.save_as(path)
+        if extension == "json":
+            record = json.loads(path.read_text())
+            assert (record["file"], record["class"]) == ("lamp.obj", "lamp")
+            assert len(record["evidence"]["contributions"]) == 500
+        else:
+            assert len(load_mesh(path).faces) == 500
+
+
+def test_another_model_is_asked(visitor: Visitor) -> None:
+    visitor.give(SAMPLES["lamp"])
+    visitor.classified()
+    visitor.at("#model").select_option("tiny")
+    expect(visitor.at(".confidence")).to_contain_text("tiny")
+    expect(visitor.at(".bars li")).to_have_count(3)
+
+
+def test_a_model_that_cannot_explain_says_so(visitor: Visitor) -> None:
+    visitor.at("#model").select_option("learned")
+    visitor.give(SAMPLES["lamp"])
+    expect(visitor.at("#result")).to_contain_text("cannot show its evidence")
+    expect(visitor.at(".bars button")).to_have_count(0)
+    expect(visitor.at(".downloads button")).to_have_text(["JSON"])
+    expect(visitor.at("#hint")).to_be_hidden()
+
+
+@pytest.mark.parametrize(
+    ("file", "title", "reason"),
+    [
+        (POINTS, "This file holds no usable mesh", "The file holds no triangles (2 points)"),
+        (POINTS | {"name": "cup.exe"}, "This format is not read", "does not name a format"),
+        (POINTS | {"name": "cup.stl"}, "This format is not read", "is declared as stl"),
+        (POINTS | {"buffer": b""}, "This file cannot be read", "The file is empty"),
+        ({"name": "a.glb", "mimeType": "", "buffer": b"glTF" + b"\xff" * 40}, "This file", "glTF"),
+    ],
+)
+def test_errors_in_clear_words(visitor: Visitor, file: dict, title: str, reason: str) -> None:
+    visitor.give(file)
+    expect(visitor.at(".verdict.failed")).to_contain_text(title)
+    expect(visitor.at(".reason")).to_contain_text(reason)
+    expect(visitor.at("#status")).to_contain_text(reason)
+    expect(visitor.at("#view-note")).to_have_text("There is nothing to draw")
+
+
+def test_a_file_that_is_too_large_is_not_sent(visitor: Visitor) -> None:
+    visitor.give({"name": "big.stl", "mimeType": "", "buffer": b"\0" * 17_000_000})
+    expect(visitor.at(".verdict.failed")).to_have_text("This file is too large")
+    expect(visitor.at(".reason")).to_contain_text("It has 17 MB; the service takes 16 MB.")
+    assert not any("classify" in url for url in visitor.asked)
+
+
+def test_a_service_that_is_gone_can_be_asked_again(visitor: Visitor) -> None:
+    visitor.page.route("**/v1/classify*", lambda route: route.abort())
+    visitor.give(SAMPLES["lamp"])
+    expect(visitor.at(".verdict.failed")).to_have_text("The service does not answer")
+    visitor.page.unroute("**/v1/classify*")
+    visitor.at("#result button").filter(has_text="Try again").click()
+    expect(visitor.at(".verdict")).to_have_text("lamp")
+
+
+def test_a_slow_upload_shows_how_far_it_is(visitor: Visitor, large_file: Path) -> None:
+    session = visitor.page.context.new_cdp_session(visitor.page)
+    slow = {"offline": False, "latency": 0, "downloadThroughput": -1, "uploadThroughput": 3e6}
+    session.send("Network.emulateNetworkConditions", slow)
+    visitor.give(large_file)
+    expect(visitor.at(".verdict.waiting")).to_contain_text("Sending 10 MB … ")
+    assert 0 <= float(visitor.at("progress").get_attribute("value") or -1) < 1
+    expect(visitor.at(".verdict.waiting")).to_contain_text("Looking at it")
+
+
+def test_a_file_of_200_000_faces(visitor: Visitor, large_file: Path) -> None:
+    """Drawn with fewer, read beside the page, which goes on answering; evidence, too."""
+    visitor.give(large_file)
+    visitor.drawn()
+    expect(visitor.at("#view-note")).to_contain_text("of 200\u202f000 faces")
+    visitor.classified()
+    expect(visitor.at("#result")).to_contain_text("200\u202f000 faces, simplified to 500")
+    view = visitor.at("#view")
+    before = pixels(view)
+    visitor.at(".bars button").first.click()
+    expect(visitor.at("#legend")).to_be_visible()
+    visitor.page.wait_for_timeout(500)
+    after = pixels(view)
+    assert changed(before, after) > 0.02
+    assert orange(after) + blue(after) > 0.01
+
+
+def test_files_that_the_page_cannot_draw_are_drawn_as_served(visitor: Visitor) -> None:
+    """An OFF with one number a line, which the service reads and the page does not."""
+    text = SAMPLES["octopus"].read_text().replace(" ", "\n")
+    visitor.give({"name": "lines.off", "mimeType": "", "buffer": text.encode()})
+    expect(visitor.at(".verdict")).to_have_text("Unknown")
+    expect(visitor.at("#view")).to_have_attribute("data-shows", "octopus")
+
+
+def test_dropped_files(visitor: Visitor) -> None:
+    content = SAMPLES["lamp"].read_text()
+    transfer = visitor.page.evaluate_handle(
+        """(content) => {
+            const transfer = new DataTransfer();
+            transfer.items.add(new File([content], "lamp.obj"));
+            return transfer;
+        }""",
+        content,
+    )
+    visitor.page.dispatch_event("body", "dragover", {"dataTransfer": transfer})
+    expect(visitor.at("#drop-hint")).to_be_visible()
+    visitor.page.dispatch_event("body", "drop", {"dataTransfer": transfer})
+    expect(visitor.at("#drop-hint")).to_be_hidden()
+    expect(visitor.at(".verdict")).to_have_text("lamp")
+
+
+def test_without_webgl_there_is_still_a_result(
+    chromium: tuple[Playwright, str], visitor: Visitor
+) -> None:
+    playwright, program = chromium
+    browser = playwright.chromium.launch(
+        executable_path=program, args=[*SOFTWARE, "--disable-3d-apis"]
+    )
+    page = browser.new_page()
+    page.goto(visitor.site.url)
+    page.locator("#files").set_input_files(SAMPLES["lamp"])
+    expect(page.locator(".verdict")).to_have_text("lamp")
+    expect(page.locator("#view-note")).to_contain_text("WebGL is off")
+    browser.close()
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_its_colours_follow_the_system(visit: Callable[..., Visitor], scheme: str) -> None:
+    ground = pixels(visit(color_scheme=scheme).at("header")).mean()
+    assert (ground > 128) == (scheme == "light")
