@@ -1,6 +1,7 @@
 // Small still pictures of meshes, all from one renderer.
 
 import { Mesh, WebGLRenderer } from "three";
+import { distanceFor, extentOf } from "./framing";
 import type { Shown } from "./parsing";
 import { cameraWithLights, geometryOf, materialFor, sceneWith } from "./viewer";
 
@@ -19,7 +20,7 @@ export function thumbnail(shown: Shown, zUp: boolean): string | null {
     }
   }
   if (!renderer) return null;
-  const camera = cameraWithLights();
+  const camera = cameraWithLights(distanceFor(extentOf(shown, zUp), 1));
   const scene = sceneWith(camera);
   const mesh = new Mesh(geometryOf(shown), materialFor(shown.colours !== null));
   mesh.rotation.x = zUp ? -Math.PI / 2 : 0;

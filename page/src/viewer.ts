@@ -15,9 +15,12 @@ import {
   WebGLRenderer,
 } from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
+import { type Extent, FIELD_OF_VIEW, POLAR_ANGLE, distanceFor, extentOf } from "./framing";
 import type { Shown } from "./parsing";
 
-const START = new Spherical(2.7, 1.25, 0.6);
+const AZIMUTH = 0.6;
+const NEAREST = 0.8;
+const FARTHEST = 12;
 const TURN = 0.15;
 const ZOOM = 1.12;
 
@@ -39,10 +42,12 @@ export function materialFor(coloured: boolean): MeshStandardMaterial {
   });
 }
 
-/** A camera with lights that go where it goes, around the origin. */
-export function cameraWithLights(): PerspectiveCamera {
-  const camera = new PerspectiveCamera(38, 1, 0.01, 50);
-  camera.position.setFromSpherical(START);
+const startFrom = (distance: number) => new Spherical(distance, POLAR_ANGLE, AZIMUTH);
+
+/** A camera that looks at the origin, with lights that go where it goes. */
+export function cameraWithLights(distance: number): PerspectiveCamera {
+  const camera = new PerspectiveCamera(FIELD_OF_VIEW, 1, 0.01, 50);
+  camera.position.setFromSpherical(startFrom(distance));
   camera.lookAt(0, 0, 0);
   const key = new DirectionalLight(0xffffff, 1.9);
   key.position.set(-0.6, 1, 1);
@@ -60,11 +65,12 @@ export function sceneWith(camera: PerspectiveCamera): Scene {
 
 export class Viewer {
   private readonly renderer: WebGLRenderer;
-  private readonly camera = cameraWithLights();
+  private readonly camera = cameraWithLights(3);
   private readonly scene = sceneWith(this.camera);
   private readonly holder = new Group();
   private readonly controls: OrbitControls;
   private mesh: Mesh<BufferGeometry, MeshStandardMaterial> | null = null;
+  private extent: Extent | null = null;
   private asked = false;
   private drawnAt = 0;
 
@@ -76,8 +82,8 @@ export class Viewer {
     this.controls = new OrbitControls(this.camera, canvas);
     this.controls.enableDamping = true;
     this.controls.enablePan = false;
-    this.controls.minDistance = 1.1;
-    this.controls.maxDistance = 8;
+    this.controls.minDistance = NEAREST;
+    this.controls.maxDistance = FARTHEST;
     this.controls.autoRotateSpeed = 1.6;
     this.controls.addEventListener("change", () => this.draw());
     this.controls.addEventListener("start", () => this.onTouched());
@@ -94,6 +100,7 @@ export class Viewer {
     this.mesh.rotation.x = zUp ? -Math.PI / 2 : 0;
     this.holder.add(this.mesh);
     this.resize();
+    this.frame(extentOf(shown, zUp));
   }
 
   clear(): void {
@@ -106,7 +113,7 @@ export class Viewer {
   }
 
   reset(): void {
-    this.place(START);
+    this.place(startFrom(this.distance()));
   }
 
   set spinning(on: boolean) {
@@ -124,15 +131,30 @@ export class Viewer {
       "+": () => (place.radius /= ZOOM),
       "=": () => (place.radius /= ZOOM),
       "-": () => (place.radius *= ZOOM),
-      Home: () => place.copy(START),
+      Home: () => place.copy(startFrom(this.distance())),
     };
     const move = moves[event.key];
     if (!move || event.ctrlKey || event.metaKey || event.altKey) return;
     event.preventDefault();
     this.onTouched();
     move();
-    place.radius = Math.min(Math.max(place.radius, 1.1), 8);
+    place.radius = Math.min(Math.max(place.radius, NEAREST), FARTHEST);
     this.place(place.makeSafe());
+  }
+
+  /** Go as near as the mesh allows, unless it reaches as far as the one before. */
+  private frame(extent: Extent): void {
+    const before = this.extent;
+    this.extent = extent;
+    const alike = (a: number, b: number) => Math.abs(a - b) < 0.01;
+    if (before && alike(before.height, extent.height) && alike(before.radius, extent.radius)) return;
+    const place = new Spherical().setFromVector3(this.camera.position);
+    place.radius = this.distance();
+    this.place(place);
+  }
+
+  private distance(): number {
+    return this.extent ? distanceFor(this.extent, this.camera.aspect) : 3;
   }
 
   /** Put the camera somewhere, and end what still moves it after a drag. */
@@ -150,8 +172,6 @@ export class Viewer {
     if (!width || !height) return;
     this.renderer.setSize(width, height, false);
     this.camera.aspect = width / height;
-    // The mesh fits the narrower side.
-    this.camera.zoom = Math.min(1, this.camera.aspect * 1.05);
     this.camera.updateProjectionMatrix();
     this.draw();
   }

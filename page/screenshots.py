@@ -1,0 +1,54 @@
+"""The pictures of the README: `python page/screenshots.py URL`, of a service that runs there.
+
+Needs the extra `dev` and a Chromium. Writes to docs/images/.
+"""
+
+import shutil
+import sys
+from pathlib import Path
+
+from playwright.sync_api import Browser, Page, expect, sync_playwright
+
+IMAGES = Path(__file__).parents[1] / "docs" / "images"
+SOFTWARE = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
+PHONE = {"viewport": {"width": 390, "height": 780}, "has_touch": True, "is_mobile": True}
+
+
+def main() -> None:
+    url = sys.argv[1]
+    IMAGES.mkdir(exist_ok=True)
+    with sync_playwright() as playwright:
+        program = shutil.which("chromium") or playwright.chromium.executable_path
+        browser = playwright.chromium.launch(executable_path=program, args=SOFTWARE)
+        for name, sample, options in (
+            ("page-light", "spiders", {"color_scheme": "light"}),
+            ("page-dark", "ants", {"color_scheme": "dark"}),
+            ("page-phone", "octopus", PHONE),
+        ):
+            page = explained(browser, url, sample, options)
+            page.screenshot(path=IMAGES / f"{name}.png")
+        for sample in ("hand", "glasses", "two balls"):
+            small = {"viewport": {"width": 480, "height": 700}}
+            page = explained(browser, url, sample, small)
+            path = IMAGES / f"evidence-{sample.replace(' ', '-')}.png"
+            page.locator("#tools").evaluate("tools => { tools.hidden = true }")
+            page.locator("#stage").screenshot(path=path)
+        browser.close()
+
+
+def explained(browser: Browser, url: str, sample: str, options: dict) -> Page:
+    """The page with the evidence for a sample's likeliest class."""
+    page = browser.new_context(reduced_motion="reduce", **options).new_page()
+    page.goto(url)
+    expect(page.locator("#sample-list img")).to_have_count(10, timeout=60_000)
+    page.locator("#sample-list .card").filter(has_text=sample).click()
+    page.locator(".bars button").first.click()
+    expect(page.locator("#legend")).to_be_visible(timeout=60_000)
+    page.evaluate("scrollTo(0, 0)")
+    page.mouse.move(1, 1)
+    page.wait_for_timeout(800)
+    return page
+
+
+if __name__ == "__main__":
+    main()

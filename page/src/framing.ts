@@ -1,0 +1,33 @@
+// From how far a mesh fills the picture, however it is turned about its upright axis.
+
+import type { Shown } from "./parsing";
+
+/** Of the camera, in degrees from top to bottom. */
+export const FIELD_OF_VIEW = 38;
+/** From the upright axis, as it looks down a little; in radians. */
+export const POLAR_ANGLE = 1.25;
+
+/** How far a mesh reaches: from its middle upwards, and from its upright axis. */
+export interface Extent {
+  height: number;
+  radius: number;
+}
+
+export function extentOf({ positions }: Shown, zUp: boolean): Extent {
+  const [up, side] = zUp ? [2, 1] : [1, 2];
+  let height = 0;
+  let squared = 0;
+  for (let i = 0; i < positions.length; i += 3) {
+    height = Math.max(height, Math.abs(positions[i + up]));
+    squared = Math.max(squared, positions[i] ** 2 + positions[i + side] ** 2);
+  }
+  return { height, radius: Math.sqrt(squared) };
+}
+
+/** Distance of the camera. aspect: width over height of the picture. */
+export function distanceFor({ height, radius }: Extent, aspect: number): number {
+  const slope = Math.tan((FIELD_OF_VIEW * Math.PI) / 360);
+  const seenHeight = height * Math.sin(POLAR_ANGLE) + radius * Math.cos(POLAR_ANGLE);
+  // What is nearer than the middle looks larger.
+  return Math.max(seenHeight / slope, radius / (slope * aspect)) + radius / 4;
+}
