@@ -33,7 +33,8 @@ export class Entry {
   explained = new Map<string, Explained>();
   /** The class whose evidence is on the surface, or none. */
   chosen: string | null = null;
-  explaining: string | null = null;
+  /** The class that was chosen last, whose evidence may be on its way. */
+  wanted: string | null = null;
   explainError: Refused | null = null;
   /** Whether all classes are listed, or only the likeliest. */
   allClasses = false;
@@ -52,7 +53,7 @@ export class Entry {
     this.model = model;
     this.state = { step: "sending", share: 0 };
     this.explained.clear();
-    this.chosen = this.explainError = null;
+    this.chosen = this.wanted = this.explainError = null;
   }
 
   get answer(): Answer | null {

@@ -77,14 +77,20 @@ export class Visit {
   async choose(entry: Entry, label: string): Promise<void> {
     entry.explainError = null;
     if (entry.chosen === label) {
-      entry.chosen = null;
+      entry.chosen = entry.wanted = null;
       this.changed();
       return;
     }
+    entry.wanted = label;
+    this.changed();
     const explained = await this.attempt(entry, () => this.explained(entry, label));
-    if (!explained) return;
-    entry.chosen = label;
-    this.say(`The surface shows the evidence for ${plain(label)}`);
+    if (entry.wanted !== label) return; // another was chosen meanwhile
+    if (explained) {
+      entry.chosen = label;
+      this.say(`The surface shows the evidence for ${plain(label)}`);
+    } else {
+      entry.wanted = entry.chosen;
+    }
     this.changed();
   }
 
@@ -156,22 +162,19 @@ export class Visit {
     } catch (error) {
       entry.explainError = api.asRefused(error);
       this.say(entry.explainError.message);
-      return null;
-    } finally {
-      entry.explaining = null;
       this.changed();
+      return null;
     }
   }
 
   private async explained(entry: Entry, label: string): Promise<Explained> {
     const known = entry.explained.get(label);
     if (known) return known;
-    entry.explaining = label;
-    this.changed();
-    const glb = await api.explain(entry.file, entry.model, label, MEDIA_TYPES.glb);
+    const { model } = entry;
+    const glb = await api.explain(entry.file, model, label, MEDIA_TYPES.glb);
     const [legend, shown] = await Promise.all([legendOf(glb), readForView(glb, "a.glb", true)]);
     const explained = { glb, legend, shown };
-    entry.explained.set(label, explained);
+    if (entry.model === model) entry.explained.set(label, explained);
     return explained;
   }
 }

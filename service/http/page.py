@@ -22,7 +22,7 @@ HEADERS = {
             "worker-src 'self'",
             "style-src 'self'",
             "img-src 'self' data:",
-            "connect-src 'self'",
+            "connect-src 'self' data:",  # glTF has buffers in such addresses
             "base-uri 'none'",
             "form-action 'none'",
             "frame-ancestors 'none'",

@@ -31,7 +31,7 @@ def test_nothing_is_taken_from_elsewhere(client: httpx.Client, path: str) -> Non
     assert policy["default-src"] == "'none'"
     assert policy["script-src"] == "'self'"
     assert policy["style-src"] == "'self'"
-    assert policy["connect-src"] == "'self'"
+    assert policy["connect-src"] == "'self' data:"
     assert not any("unsafe" in sources or "http" in sources for sources in policy.values())
     assert headers["x-content-type-options"] == "nosniff"
 

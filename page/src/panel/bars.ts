@@ -45,6 +45,9 @@ export function bars(
   return box;
 }
 
+const isOnItsWay = (entry: Entry, label: string) =>
+  entry.wanted === label && entry.chosen !== label;
+
 function bar(
   label: string,
   probability: number,
@@ -64,7 +67,7 @@ function bar(
     {
       type: "button",
       className: "class-row",
-      aria: { pressed: String(entry.chosen === label), busy: String(entry.explaining === label) },
+      aria: { pressed: String(entry.chosen === label), busy: String(isOnItsWay(entry, label)) },
       onclick: () => choose(label),
     },
     ...parts,

@@ -1,5 +1,6 @@
 """The page in a real browser: files in, results, 3D, evidence, errors."""
 
+import base64
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -38,6 +39,19 @@ def test_a_file_of_every_format_is_drawn_and_classified(visitor: Visitor) -> Non
         expect(shown).to_contain_text(answer["class"].replace("_", " "))
         faces = f"{answer['mesh']['faces_in']:,}".replace(",", "\u202f")
         expect(visitor.at("#result")).to_contain_text(f"Closed, in one piece, {faces} faces")
+
+
+def test_gltf_with_its_buffers_inside(visitor: Visitor) -> None:
+    content = SAMPLES["two_balls"].read_bytes()
+    length = int.from_bytes(content[12:16], "little")
+    document = json.loads(content[20 : 20 + length])
+    buffer = content[28 + length :][: document["buffers"][0]["byteLength"]]
+    uri = "data:application/octet-stream;base64," + base64.b64encode(buffer).decode()
+    document["buffers"] = [{"byteLength": len(buffer), "uri": uri}]
+    text = json.dumps(document).encode()
+    visitor.give({"name": "balls.gltf", "mimeType": "", "buffer": text})
+    visitor.drawn()
+    expect(visitor.at(".verdict")).to_have_text("two balls")
 
 
 def test_a_dragged_mesh_turns(visitor: Visitor) -> None:
