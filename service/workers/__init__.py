@@ -6,6 +6,6 @@ processes alive and hands them work. None of it knows of HTTP.
 
 from service.workers.pool import WorkerPool
 from service.workers.tasks import Record, Setup, Work
-from service.workers.worker import DeadlineExceeded
+from service.workers.worker import DeadlineExceeded, NotStarted
 
-__all__ = ["DeadlineExceeded", "Record", "Setup", "Work", "WorkerPool"]
+__all__ = ["DeadlineExceeded", "NotStarted", "Record", "Setup", "Work", "WorkerPool"]

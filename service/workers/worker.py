@@ -5,6 +5,7 @@ import os
 import threading
 import time
 from concurrent.futures.process import BrokenProcessPool
+from multiprocessing.context import ForkServerContext
 from typing import Any
 
 import pebble
@@ -92,7 +93,7 @@ class Worker:
         threading.Thread(target=self._pool.join, daemon=True).start()
 
 
-def _context() -> multiprocessing.context.BaseContext:
+def _context() -> ForkServerContext:
     """Processes forked from a clean one, which has loaded the libraries and serves nothing."""
     # Read as the libraries are loaded. The processes are as many as the cores: no more threads.
     for library in ("OMP", "OPENBLAS", "MKL"):
