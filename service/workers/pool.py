@@ -52,12 +52,12 @@ class WorkerPool:
         """
         for seat in self._seats:
             seat.start()
-        for seat in self._seats:
-            described = seat.warm.result()
-        self.models = {model["name"]: model for model in described}
-        if len(self.models) < len(described):
-            names = ", ".join(model["name"] for model in described)
-            raise ModelFileError(f"models are told apart by their names, but these are: {names}")
+        try:
+            for seat in self._seats:
+                self.models = _by_name(seat.warm.result())
+        except BaseException:
+            self.stop()
+            raise
 
     def submit(self, work: Work, expires: float) -> Future[Record]:
         """Queue one mesh, to be classified by `expires` on the monotonic clock.
@@ -85,6 +85,14 @@ class WorkerPool:
         for seat in self._seats:
             seat.closing.set()
             self._jobs.put(None)
+
+
+def _by_name(models: list[dict[str, Any]]) -> dict[str, dict[str, Any]]:
+    by_name = {model["name"]: model for model in models}
+    if len(by_name) < len(models):
+        names = ", ".join(model["name"] for model in models)
+        raise ModelFileError(f"models are told apart by their names, but these are: {names}")
+    return by_name
 
 
 class _Seat(threading.Thread):
