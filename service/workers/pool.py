@@ -8,7 +8,7 @@ from typing import Any
 
 from export.metadata import ModelFileError
 from service.workers.tasks import Record, Setup, Work
-from service.workers.worker import NotStarted, Worker
+from service.workers.worker import NotStarted, Worker, crashed
 
 log = logging.getLogger(__name__)
 
@@ -137,15 +137,22 @@ class _Seat(threading.Thread):
         work = job.work
         assert work is not None
         try:
-            try:
-                record = worker.classify(work, job.expires)
-            except NotStarted:
-                self._worker = self._living(worker)
-                record = self._worker.classify(work, job.expires)
+            record = self._classify(work, job.expires, worker)
         except Exception as error:
             job.future.set_exception(error)
         else:
             job.future.set_result(record)
+
+    def _classify(self, work: Work, expires: float, worker: Worker) -> Record:
+        """Give a worker that died before it began one successor; see `Worker.classify`."""
+        try:
+            return worker.classify(work, expires)
+        except NotStarted:
+            self._worker = worker = self._living(worker)
+        try:
+            return worker.classify(work, expires)
+        except NotStarted:
+            raise crashed("twice, as it was handed over") from None
 
     def _living(self, worker: Worker) -> Worker:
         """The worker itself, or if it died, a new one."""

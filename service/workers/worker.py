@@ -81,7 +81,9 @@ class Worker:
             raise DeadlineExceeded from None
         except pebble.ProcessExpired as expired:
             self.end()
-            raise _crashed(expired.exitcode) from None
+            code = expired.exitcode
+            how = f"signal {-code}" if code < 0 else f"exit code {code}"
+            raise crashed(how) from None
 
     def end(self) -> None:
         """Kill the process, whatever it does."""
@@ -103,8 +105,8 @@ def _context() -> ForkServerContext:
     return context
 
 
-def _crashed(exitcode: int) -> UnusableMesh:
-    how = f"signal {-exitcode}" if exitcode < 0 else f"exit code {exitcode}"
+def crashed(how: str) -> UnusableMesh:
+    """What is wrong with a file that its worker did not survive."""
     return UnusableMesh(
         "worker-crashed",
         f"this file made its reader crash ({how}); export the mesh again, in another format",
