@@ -55,6 +55,7 @@ def serve(**flags: Any) -> None:
     from service.classifier import SelfTestError
     from service.cli.shared import read_settings
     from service.http.server import run
+    from service.workers import NotStarted
 
     settings = read_settings(flags)
     signal.signal(signal.SIGTERM, _stop)  # until the server takes over
@@ -62,6 +63,8 @@ def serve(**flags: Any) -> None:
         pool = _start_workers(settings)
     except (ModelFileError, SelfTestError) as error:
         raise click.UsageError(str(error)) from None
+    except NotStarted as error:
+        raise click.ClickException(str(error)) from None
     run(settings, pool)
     pool.stop()
 
