@@ -25,7 +25,7 @@ SMALL = NetworkConfig(
     descriptor_channels=6,
 )
 # What lies around a face, and peaks: all that the preset of everyday objects adds.
-WIDER = replace(SMALL, absolute_offsets=True, surroundings=True, readout="mean-peak")
+WIDER = replace(SMALL, absolute_offsets=True, surroundings=True, readout="mean-peak", dropout=0.3)
 SHARED_DATA = Path(__file__).parents[2] / "shared" / "data"
 
 
