@@ -14,7 +14,7 @@ from model.loading.text import quoted
 _BLOCK = 2**16  # bytes
 _DIRECTORY_ENTRY = b"PK\x01\x02"
 _PLAIN = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
-# What damaged bytes make zipfile raise; MeshError, a ValueError, is none of them.
+# What damaged bytes make zipfile raise.
 _DAMAGED = (
     zipfile.BadZipFile,
     zlib.error,
@@ -24,7 +24,7 @@ _DAMAGED = (
     NotImplementedError,
     OSError,
     OverflowError,
-    UnicodeDecodeError,
+    ValueError,
 )
 
 

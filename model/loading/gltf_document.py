@@ -39,7 +39,7 @@ def entries(owner: Document, key: str) -> list[Any]:
     """The list under `key`, empty where there is none."""
     found = owner.get(key, [])
     if not isinstance(found, list):
-        raise _wrong(key, "a list", found)
+        raise _wrong(key, "a list")
     return found
 
 
@@ -100,17 +100,15 @@ def cut_off(needed: int, found: int) -> MalformedFile:
 
 def _natural(value: Any, what: str) -> int:
     if not isinstance(value, int) or isinstance(value, bool) or value < 0:
-        raise MalformedFile(
-            "bad-number", f"{what} must be a whole number from 0, not {quoted(value)}"
-        )
+        raise MalformedFile("bad-number", f"{what} must be a whole number from 0")
     return value
 
 
 def _object(value: Any, what: str) -> Document:
     if not isinstance(value, dict):
-        raise _wrong(what, "an object", value)
+        raise _wrong(what, "an object")
     return value
 
 
-def _wrong(what: str, expected: str, found: Any) -> MalformedFile:
-    return MalformedFile("bad-document", f"{what} must be {expected}, not {quoted(found)}")
+def _wrong(what: str, expected: str) -> MalformedFile:
+    return MalformedFile("bad-document", f"{what} must be {expected} in glTF")

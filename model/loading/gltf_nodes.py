@@ -7,7 +7,7 @@ import numpy as np
 from model.errors import MalformedFile
 from model.loading.gltf_document import Document, entries, index, item, items, reals
 from model.loading.limits import Limits
-from model.loading.scene import Matrix
+from model.loading.scene import Matrix, within
 
 
 def placed_meshes(document: Document, limits: Limits) -> list[tuple[int, Matrix]]:
@@ -24,8 +24,7 @@ def placed_meshes(document: Document, limits: Limits) -> list[tuple[int, Matrix]
     while waiting:
         number, above = waiting.pop()
         node = nodes[number]
-        with np.errstate(over="ignore", invalid="ignore"):  # infinite vertices are refused later
-            matrix = above @ _local(node)
+        matrix = within(above, _local(node))
         if "mesh" in node:
             placed.append((index(node["mesh"], meshes, "meshes"), matrix))
         waiting += [(child, matrix) for child in reversed(entries(node, "children"))]

@@ -18,7 +18,8 @@ _WHOLE = re.compile(rb"[-+]?[0-9]{1,18}")
 
 def read_obj(data: bytes, limits: Limits) -> Triangles:
     """The triangles of an OBJ file. Raises MalformedFile and LimitExceeded."""
-    text = plain_text(data).replace(b"\\\n", b" ")
+    # The last line may say that it continues.
+    text = plain_text(data).replace(b"\\\n", b" ") + b"\n"
     pieces = Pieces(limits)
     for block in blocks(text, limits):
         block = without_comments(block)

@@ -32,6 +32,12 @@ def flatten(placed: Sequence[tuple[Part, Matrix]], limits: Limits) -> Triangles:
     return join(_moved(part.read(), matrix) for part, matrix in placed)
 
 
+def within(outer: Matrix, inner: Matrix) -> Matrix:
+    """The matrix of what `inner` places within what `outer` places."""
+    with np.errstate(over="ignore", invalid="ignore"):  # Mesh refuses what becomes infinite
+        return outer @ inner
+
+
 def _moved(triangles: Triangles, matrix: Matrix) -> Triangles:
     if np.array_equal(matrix, np.eye(4)):
         return triangles

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from model.errors import MalformedFile
 from model.loading.archive import Archive, normal
 from model.loading.limits import Limits
-from model.loading.scene import Matrix, flatten
+from model.loading.scene import Matrix, flatten, within
 from model.loading.text import quoted
 from model.loading.threemf_parts import Key, ModelPart, Object, Reference
 from model.loading.triangles import Triangles
@@ -103,7 +103,8 @@ def _instances(
         inside.add(step.key)
         waiting.append(_Leave(step.key))
         waiting += [
-            Reference(inner.key, step.matrix @ inner.matrix) for inner in reversed(found.components)
+            Reference(inner.key, within(step.matrix, inner.matrix))
+            for inner in reversed(found.components)
         ]
     return placed
 
