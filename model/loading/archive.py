@@ -58,7 +58,7 @@ class Archive:
         # zipfile gives no more than is declared here.
         self._unpacked += entry.file_size
         self._limits.check("unpacked_bytes", self._unpacked)
-        self._limits.check("unpacked_bytes_per_byte", self._unpacked // self._size)
+        self._limits.check("unpacked_bytes_per_byte", -(-self._unpacked // self._size))
         with _damage_told(), self._zip.open(entry) as file:
             while block := file.read(_BLOCK):
                 yield block

@@ -9,7 +9,7 @@ from model.errors import MalformedFile
 from model.loading.gltf_accessors import Accessor, indices, positions
 from model.loading.gltf_buffers import Buffers
 from model.loading.gltf_document import Document, children, items, natural
-from model.loading.triangles import Triangles
+from model.loading.triangles import Triangles, coordinates
 
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 
@@ -60,7 +60,7 @@ class Surface:
 
     def read(self) -> Triangles:
         faces = [primitive.read(self.buffers) for primitive in self.primitives]
-        vertices = self.positions.read(self.buffers).astype(np.float64)
+        vertices = coordinates(self.positions.read(self.buffers))
         return vertices, np.concatenate(faces)
 
 

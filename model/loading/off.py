@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.errors import MalformedFile
+from model.loading.elements import Element, Field
 from model.loading.limits import Limits
-from model.loading.records import Element, Field, read_element
+from model.loading.records import read_element
 from model.loading.text import blocks, numbers, plain_text, points, without_comments
 from model.loading.triangles import Pieces, Triangles, fan, indices
 

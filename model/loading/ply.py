@@ -6,10 +6,11 @@ from codecs import BOM_UTF8
 import numpy as np
 
 from model.errors import MalformedFile
+from model.loading.elements import Buffer, Column, Element, Field
 from model.loading.limits import Limits
-from model.loading.records import Buffer, Column, Element, Field, read_element
+from model.loading.records import read_element
 from model.loading.text import numbers, plain_text, quoted
-from model.loading.triangles import Triangles, fan
+from model.loading.triangles import Triangles, coordinates, fan
 
 _TYPES = {
     "char": "i1",
@@ -57,7 +58,7 @@ def read_ply(data: bytes, limits: Limits) -> Triangles:
             break
         columns[element.name], position = read_element(records, position, element, wanted, limits)
     vertex = columns["vertex"]
-    vertices = np.stack([vertex[axis].values for axis in "xyz"], axis=1).astype(np.float64)
+    vertices = np.stack([coordinates(vertex[axis].values) for axis in "xyz"], axis=1)
     if corner_name is None:
         return vertices, np.empty((0, 3), dtype=np.int64)
     corners = columns["face"][corner_name]

@@ -7,7 +7,7 @@ import numpy as np
 from model.errors import MalformedFile
 from model.loading.limits import Limits
 from model.loading.text import blocks, is_utf16, plain_text, points
-from model.loading.triangles import Pieces, Triangles
+from model.loading.triangles import Pieces, Triangles, coordinates
 
 _HEADER = 84  # bytes: 80 of any content, then the count of triangles
 _RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
@@ -53,7 +53,7 @@ def _read_binary(data: bytes, limits: Limits) -> Triangles:
     limits.check("faces", count)
     limits.check("vertices", 3 * count)
     records = np.frombuffer(data, dtype=_RECORD, count=count, offset=_HEADER)
-    vertices = records["corners"].reshape(-1, 3).astype(np.float64)
+    vertices = coordinates(records["corners"].reshape(-1, 3))
     return vertices, np.arange(3 * count).reshape(-1, 3)
 
 

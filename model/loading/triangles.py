@@ -55,10 +55,17 @@ def fan(corners: NDArray, counts: NDArray[np.int64], limits: Limits) -> NDArray[
     return indices(corners)[np.stack([first, first + step + 1, first + step + 2], axis=1)]
 
 
+def coordinates(values: NDArray) -> NDArray[np.float64]:
+    """Numbers of any type as float64."""
+    with np.errstate(invalid="ignore"):  # some bits of a float32 are a NaN that warns
+        return values.astype(np.float64)
+
+
 def indices(values: NDArray) -> NDArray[np.int64]:
     """Numbers as vertex indices. Raises MalformedFile when they are not whole numbers."""
     if np.issubdtype(values.dtype, np.integer):
         return values.astype(np.int64)
+    values = coordinates(values)
     if not (np.abs(values) < 2**53).all() or (values != np.trunc(values)).any():
         raise MalformedFile(
             "bad-index", "a face names its vertices by something else than whole numbers"

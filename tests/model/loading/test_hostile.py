@@ -1,4 +1,4 @@
-"""Every hostile file ends as it must: by its own fault, in bounded memory, and soon."""
+"""Every hostile file ends as it must: by its own fault, soon, in little memory, opening nothing."""
 
 import multiprocessing
 import re
