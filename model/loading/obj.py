@@ -21,16 +21,21 @@ def read_obj(data: bytes, limits: Limits) -> Triangles:
     # The last line may say that it continues.
     text = plain_text(data).replace(b"\\\n", b" ") + b"\n"
     pieces = Pieces(limits)
+    polygons = 0
     for block in blocks(text, limits):
         block = without_comments(block)
+        lines = _FACE.findall(block)
+        polygons += len(lines)
+        limits.check("faces", polygons)
         vertices = points(_VERTEX.findall(block), "v line")
-        pieces.add(vertices, _faces(block, pieces.vertex_count, limits))
+        pieces.add(vertices, _faces(lines, block, pieces.vertex_count, limits))
     return pieces.joined()
 
 
-def _faces(block: bytes, vertices_before: int, limits: Limits) -> NDArray[np.int64]:
-    """The triangles of the f lines in a block; references count from 0, -1 names nothing."""
-    lines = _FACE.findall(block)
+def _faces(
+    lines: list[bytes], block: bytes, vertices_before: int, limits: Limits
+) -> NDArray[np.int64]:
+    """The triangles of the f lines of a block; references count from 0, -1 names nothing."""
     if b"/" in block and lines:
         lines = re.sub(rb"/\S*", b"", b"\n".join(lines)).split(b"\n")
     counts = np.fromiter((len(line.split()) for line in lines), np.int64, len(lines))

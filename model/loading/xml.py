@@ -12,6 +12,7 @@ Attributes = dict[str, str]
 SEPARATOR = "}"  # between the namespace and the name of an element or attribute
 
 _ENCODINGS = frozenset({"utf-8", "utf-16", "us-ascii", "iso-8859-1"})
+_DEEPEST = 1000
 _DISTINCT_NAMES = 10_000
 _OUT_OF_MEMORY = expat.errors.codes[expat.errors.XML_ERROR_NO_MEMORY]
 
@@ -30,9 +31,23 @@ def read_xml(
 
     Raises MalformedFile and LimitExceeded.
     """
+    depth = 0
+
+    def start(element: str, attributes: Attributes) -> None:
+        nonlocal depth
+        depth += 1
+        if depth > _DEEPEST:  # expat remembers every element that is open
+            raise _malformed(name, f"elements are nested more than {_DEEPEST} deep")
+        on_element(element, attributes)
+
+    def end(_: str) -> None:
+        nonlocal depth
+        depth -= 1
+
     names: dict[str, str] = {}  # expat remembers every name that it has met
     parser = expat.ParserCreate(namespace_separator=SEPARATOR, intern=names)
-    parser.StartElementHandler = on_element
+    parser.StartElementHandler = start
+    parser.EndElementHandler = end
     parser.StartNamespaceDeclHandler = on_namespace
     parser.XmlDeclHandler = _check_declaration
     parser.StartDoctypeDeclHandler = _refuse_document_type
