@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from model.calibration import softmax
 from model.errors import MeshError
 from model.inputs import collate, mesh_inputs
-from model.loading import load_mesh
+from model.loading import Limits, load_mesh
 from model.mesh import Mesh
 from model.preparation import MeshReport, prepare
 from model.samples import sample_paths
@@ -73,8 +73,10 @@ class Classifier:
     'snake'
     """
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: Model, limits: Limits | None = None) -> None:
+        """limits: the most that one file may hold; with None, the defaults."""
         self.model = model
+        self.limits = limits
         calibration = model.card.calibration
         self._temperature = calibration.temperature if calibration else 1.0
 
@@ -93,7 +95,7 @@ class Classifier:
         """
         timings: dict[str, float] = {}
         with _timed(timings, "read"):
-            mesh = load_mesh(source, name)
+            mesh = load_mesh(source, name, self.limits)
         return self._classify(mesh, timings)
 
     def classify_mesh(self, mesh: Mesh) -> Classification:
@@ -138,7 +140,7 @@ class Classifier:
                 "which this version of meshconv3d does not have"
             )
         expected = np.array(card.probe.scores)
-        scores = self.classify(path).scores
+        scores = self.classify_mesh(load_mesh(path)).scores  # within no limits but the defaults
         difference = np.abs(scores - expected).max() / np.abs(expected).max()
         if not difference <= SELF_TEST_TOLERANCE:
             raise SelfTestError(

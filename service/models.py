@@ -46,24 +46,40 @@ def model_path(name_or_path: str) -> Path:
     return path
 
 
+@dataclass(frozen=True)
+class ModelFile:
+    """The bytes of a model file, read once, so that whoever opens them opens the same model."""
+
+    path: Path
+    content: bytes
+
+    @classmethod
+    def read(cls, name_or_path: str) -> "ModelFile":
+        """A shipped model by name, or the file at a path. Raises ModelFileError."""
+        path = model_path(name_or_path)
+        try:
+            return cls(path, path.read_bytes())
+        except OSError as error:
+            raise ModelFileError(f"{path} cannot be read: {error.strerror}") from None
+
+    def open(self) -> Model:
+        """Open it and check that it can run here; see `open_model` for the errors."""
+        try:
+            session = open_session(self.content)
+            card = read_card(session.get_modelmeta().custom_metadata_map)
+        except ModelFileError as error:
+            raise ModelFileError(f"{self.path}: {error}") from None
+        _check_graph(self.path, session, card)
+        return Model(card, hashlib.sha256(self.content).hexdigest(), session)
+
+
 def open_model(name_or_path: str) -> Model:
     """Open a model and check that it can run here.
 
     Raises ModelFileError for a file that is missing, damaged, not one of this project, made by a
     newer version, or in want of operators that are not installed.
     """
-    path = model_path(name_or_path)
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise ModelFileError(f"{path} cannot be read: {error.strerror}") from None
-    try:
-        session = open_session(content)
-        card = read_card(session.get_modelmeta().custom_metadata_map)
-    except ModelFileError as error:
-        raise ModelFileError(f"{path}: {error}") from None
-    _check_graph(path, session, card)
-    return Model(card, hashlib.sha256(content).hexdigest(), session)
+    return ModelFile.read(name_or_path).open()
 
 
 def _check_graph(path: Path, session: ort.InferenceSession, card: ModelCard) -> None:

@@ -1,35 +1,82 @@
-"""`meshconv3d serve`: the HTTP service under uvicorn."""
+"""`meshconv3d serve`: the HTTP service."""
 
-import copy
 import signal
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, get_origin
 
 import click
+from pydantic.fields import FieldInfo
+
+from service.models import ModelFile
+from service.settings import Settings
+
+if TYPE_CHECKING:
+    from service.workers import WorkerPool
+
+
+def settings_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Give a command one option for each setting, in the order of the settings."""
+    for name, setting in reversed(Settings.model_fields.items()):
+        command = _option(name, setting)(command)
+    return command
+
+
+def _option(name: str, setting: FieldInfo) -> Callable[..., Any]:
+    several = get_origin(setting.annotation) is tuple
+    # Types and bounds are the settings' own, so that flags and variables fail alike.
+    return click.option(
+        "--" + (name.removesuffix("s") if several else name).replace("_", "-"),
+        name,
+        multiple=several,
+        metavar=_metavar(setting),
+        help=f"{setting.description} [default: {_default(setting)}]",
+    )
+
+
+def _metavar(setting: FieldInfo) -> str:
+    return {int: "INTEGER", float: "NUMBER"}.get(setting.annotation, "TEXT")  # type: ignore[arg-type]
+
+
+def _default(setting: FieldInfo) -> str:
+    default = setting.get_default(call_default_factory=True)
+    return ", ".join(default) if isinstance(default, tuple) else str(default)
 
 
 @click.command()
-@click.option("--model", help="Shipped model by name, or a model file. [default: shrec11]")
-@click.option("--host", help="Address to listen on. [default: 127.0.0.1]")
-@click.option("--port", type=int, help="Port to listen on; 0 takes a free one. [default: 8000]")
-@click.option("--max-upload-bytes", type=int, help="Largest request body. [default: 104857600]")
-@click.option("--workers", type=int, help="Meshes classified at the same time. [default: 2]")
-def serve(**flags: str | int | None) -> None:
+@settings_options
+def serve(**flags: Any) -> None:
     """Answer over HTTP: POST a mesh to /v1/classify; the API is described at /openapi.json.
 
-    Every option can also be set as a variable: MESHCONV3D_MODEL, MESHCONV3D_HOST, and so on.
+    Every setting can also be given as a variable, MESHCONV3D_PORT for --port and so on; a flag
+    goes before its variable. It stops at SIGTERM or SIGINT once all accepted work is answered; a
+    second one ends it at once.
     """
-    import uvicorn
-    import uvicorn.config
+    from export.metadata import ModelFileError
+    from service.classifier import SelfTestError
+    from service.cli.shared import read_settings
+    from service.http.server import run
+    from service.workers import NotStarted
 
-    from service.cli.shared import load_classifier, read_settings
-    from service.http.app import create_app
-
-    # To be stopped is no failure. The server drains first, then raises the signal once more.
-    signal.signal(signal.SIGTERM, _stop)
     settings = read_settings(flags)
-    app = create_app(load_classifier(settings.model), settings)
-    logs = copy.deepcopy(uvicorn.config.LOGGING_CONFIG)
-    logs["handlers"]["access"]["stream"] = "ext://sys.stderr"
-    uvicorn.run(app, host=settings.host, port=settings.port, server_header=False, log_config=logs)
+    signal.signal(signal.SIGTERM, _stop)  # until the server takes over
+    try:
+        pool = _start_workers(settings)
+    except (ModelFileError, SelfTestError) as error:
+        raise click.UsageError(str(error)) from None
+    except NotStarted as error:
+        raise click.ClickException(str(error)) from None
+    run(settings, pool)
+    pool.stop()
+
+
+def _start_workers(settings: Settings) -> "WorkerPool":
+    from service.workers import Setup, WorkerPool
+
+    files = [ModelFile.read(name) for name in settings.models]
+    setup = Setup(files, settings.limits, settings.worker_memory_bytes, settings.deadline_seconds)
+    pool = WorkerPool(setup, settings.workers)
+    pool.start()
+    return pool
 
 
 def _stop(*_: object) -> None:

@@ -16,7 +16,7 @@ def read_settings(flags: Mapping[str, Any]) -> "Settings":
 
     from service.settings import Settings
 
-    given = {name: value for name, value in flags.items() if value is not None}
+    given = {name: value for name, value in flags.items() if value not in (None, ())}
     try:
         return Settings(**given)
     except ValidationError as error:
@@ -24,8 +24,11 @@ def read_settings(flags: Mapping[str, Any]) -> "Settings":
 
 
 def _bad_setting(error: Mapping[str, Any]) -> str:
-    name = ".".join(map(str, error["loc"]))
-    return f"bad setting: {name} (MESHCONV3D_{name.upper()}): {error['msg']}"
+    reason = error["msg"].removeprefix("Value error, ")
+    if not error["loc"]:
+        return f"bad settings: {reason}"
+    name = str(error["loc"][0])
+    return f"bad setting: {name} (MESHCONV3D_{name.upper()}): {reason}"
 
 
 def load_classifier(model: str | None) -> "Classifier":
@@ -37,7 +40,7 @@ def load_classifier(model: str | None) -> "Classifier":
     from service.classifier import Classifier, SelfTestError
 
     try:
-        classifier = Classifier.load(read_settings({}).model if model is None else model)
+        classifier = Classifier.load(read_settings({}).models[0] if model is None else model)
         classifier.self_test()
     except (ModelFileError, SelfTestError) as error:
         raise click.UsageError(str(error)) from None

@@ -1,21 +1,20 @@
 """The routes. All that they do is to hand bytes in and records out."""
 
 import importlib.metadata
-import uuid
-from collections.abc import AsyncIterator, Awaitable, Callable
-from contextlib import asynccontextmanager
 
-import anyio
-import anyio.to_thread
 from fastapi import FastAPI, HTTPException, Query, Request, Response
 from fastapi.responses import JSONResponse
+from starlette.types import ASGIApp
 
 from model.loading import FORMATS
-from service.classifier import Classifier
+from service.http.admission import Admission
+from service.http.gate import Gate, RequestId
 from service.http.problems import RESPONSES, install_problem_handlers
-from service.http.uploads import BodyLimit, read_upload
-from service.records import Answer, answer
+from service.http.uploads import read_upload
+from service.http.waiting import result_of
+from service.records import Answer
 from service.settings import Settings
+from service.workers import Work, WorkerPool
 
 # The body of POST /v1/classify, which is read by hand to bound it, as OpenAPI describes it.
 _BINARY = {"schema": {"type": "string", "format": "binary"}}
@@ -35,69 +34,55 @@ REQUEST_BODY = {
 }
 
 
-def create_app(classifier: Classifier, settings: Settings) -> FastAPI:
-    """The service around one classifier, which has passed its self-test."""
-    ready = False
-
-    @asynccontextmanager
-    async def lifespan(_: FastAPI) -> AsyncIterator[None]:
-        nonlocal ready
-        ready = True
-        yield
-        ready = False
-
+def create_app(pool: WorkerPool, admission: Admission, settings: Settings) -> ASGIApp:
+    """The service over workers that are warm."""
     app = FastAPI(
         title="MeshConv3D",
         summary="What is this 3D mesh?",
         version=importlib.metadata.version("meshconv3d"),
-        lifespan=lifespan,
         # These pages would load their scripts from a public server.
         docs_url=None,
         redoc_url=None,
         redirect_slashes=False,
     )
-    app.add_middleware(BodyLimit, limit=settings.max_upload_bytes)
     install_problem_handlers(app)
-    workers = anyio.CapacityLimiter(settings.workers)
+    default_model = next(iter(pool.models))
 
-    @app.middleware("http")
-    async def name_request(
-        request: Request, call_next: Callable[[Request], Awaitable[Response]]
-    ) -> Response:
-        request.state.request_id = uuid.uuid4().hex
-        response = await call_next(request)
-        response.headers["x-request-id"] = request.state.request_id
-        return response
+    def served(name: str) -> dict:
+        """The card of a model that is served. Raises HTTPException."""
+        if name not in pool.models:
+            names = ", ".join(pool.models)
+            raise HTTPException(404, f"no model {name!r} is served here, but {names}")
+        return pool.models[name]
 
     @app.post(
         "/v1/classify",
         response_model=Answer,
-        responses={status: RESPONSES[status] for status in (400, 413, 415, 422)},
+        responses={s: RESPONSES[s] for s in (400, 404, 408, 413, 415, 422, 503, 504)},
         openapi_extra={"requestBody": REQUEST_BODY},
     )
     async def classify(
-        request: Request, top: int | None = Query(None, ge=1, description="only the N likeliest")
-    ) -> Answer:
+        request: Request,
+        model: str = Query(default_model, description="name of the model"),
+        top: int | None = Query(None, ge=1, description="only the N likeliest"),
+    ) -> Response:
         """Classify one mesh: the form field `file`, or a raw body with a model media type."""
+        served(model)
         upload = await read_upload(request)
-        result = await anyio.to_thread.run_sync(
-            classifier.classify, upload.content, upload.declared, limiter=workers
-        )
-        return answer(upload.name, result, top)
+        work = Work(model, upload.content, upload.name, upload.declared, top)
+        expires = request.state.expires
+        record = await result_of(pool.submit(work, expires), expires, request)
+        return Response(record.json, media_type="application/json")
 
     @app.get("/v1/models")
     async def models() -> dict:
-        """The models that are served, each with its card."""
-        return {"models": [classifier.model.describe()]}
+        """The models that are served, each with its card; the first is the default."""
+        return {"models": list(pool.models.values())}
 
     @app.get("/v1/models/{name}", responses={404: RESPONSES[404]})
     async def model(name: str) -> dict:
         """The card of one model."""
-        if name != classifier.model.card.name:
-            raise HTTPException(
-                404, f"no model {name!r} is served here, but {classifier.model.card.name}"
-            )
-        return classifier.model.describe()
+        return served(name)
 
     @app.api_route("/livez", methods=["GET", "HEAD"])
     async def live() -> dict:
@@ -108,8 +93,8 @@ def create_app(classifier: Classifier, settings: Settings) -> FastAPI:
 
     @app.api_route("/readyz", methods=["GET", "HEAD"], responses=not_ready)
     async def is_ready() -> JSONResponse:
-        """A known mesh was classified as expected since the start."""
-        status = "ready" if ready else "not ready"
-        return JSONResponse({"status": status}, 200 if ready else 503)
+        """There is a worker that has classified a known mesh as expected, and work is taken."""
+        ready = pool.alive > 0 and admission.open
+        return JSONResponse({"status": "ready" if ready else "not ready"}, 200 if ready else 503)
 
-    return app
+    return RequestId(Gate(app, admission, settings))

@@ -1,5 +1,6 @@
 """Every error as `application/problem+json` (RFC 9457), from one table."""
 
+import asyncio
 from http import HTTPStatus
 
 from fastapi import FastAPI, Request, Response
@@ -10,7 +11,8 @@ from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
 
 from model.errors import LimitExceeded, MalformedFile, MeshError, UnknownFormat, UnusableMesh
-from service.http.uploads import UploadTooLarge
+from service.http.admission import Full
+from service.workers import DeadlineExceeded
 
 PROBLEM_JSON = "application/problem+json"
 
@@ -20,6 +22,24 @@ STATUSES: dict[type[MeshError], HTTPStatus] = {
     UnusableMesh: HTTPStatus.UNPROCESSABLE_ENTITY,
     LimitExceeded: HTTPStatus.REQUEST_ENTITY_TOO_LARGE,
 }
+
+
+class UploadTooLarge(Exception):
+    """A request body over the limit, in bytes."""
+
+    def __init__(self, limit: int) -> None:
+        super().__init__(
+            f"the request body is larger than {limit} bytes; simplify the mesh or send a "
+            "binary format (STL, PLY, GLB)"
+        )
+        self.limit = limit
+
+
+class UploadTooSlow(Exception):
+    """A request whose body was not there by its deadline, in seconds."""
+
+    def __init__(self, seconds: float) -> None:
+        super().__init__(f"the request body did not arrive within {seconds:g} s; send it again")
 
 
 class Problem(BaseModel):
@@ -43,9 +63,12 @@ RESPONSES: dict[int | str, dict] = {
     for status, description in {
         400: "The request or the file is malformed.",
         404: "There is no such thing here.",
+        408: "The body did not arrive in time.",
         413: "The body is larger, or the file holds more, than the service accepts.",
         415: "The format is not one that is read, or contradicts the content.",
-        422: "The file was read, but holds no mesh that can be classified.",
+        422: "The file holds no mesh that can be classified, or cannot be read within bounds.",
+        503: "There is too much to do; the header Retry-After says when to try again.",
+        504: "There was no answer in time.",
     }.items()
 }
 
@@ -62,6 +85,21 @@ def install_problem_handlers(app: FastAPI) -> None:
     async def too_large(request: Request, error: UploadTooLarge) -> JSONResponse:
         status = HTTPStatus.REQUEST_ENTITY_TOO_LARGE
         return problem(request, status, "body-too-large", str(error), error.limit)
+
+    @app.exception_handler(UploadTooSlow)
+    async def too_slow(request: Request, error: UploadTooSlow) -> JSONResponse:
+        response = problem(request, HTTPStatus.REQUEST_TIMEOUT, "upload-too-slow", str(error))
+        response.headers["connection"] = "close"
+        return response
+
+    @app.exception_handler(Full)
+    async def too_much(request: Request, error: Full) -> JSONResponse:
+        return await full(request, error)
+
+    @app.exception_handler(DeadlineExceeded)
+    async def too_late(request: Request, error: DeadlineExceeded) -> JSONResponse:
+        detail = "there was no answer within the deadline; simplify the mesh, or try again later"
+        return problem(request, HTTPStatus.GATEWAY_TIMEOUT, "deadline", detail)
 
     @app.exception_handler(RequestValidationError)
     async def invalid(request: Request, error: RequestValidationError) -> JSONResponse:
@@ -86,6 +124,14 @@ def install_problem_handlers(app: FastAPI) -> None:
         return problem(request, HTTPStatus.INTERNAL_SERVER_ERROR, "internal", detail)
 
 
+async def full(request: Request, error: Full) -> JSONResponse:
+    """The answer to what is refused because there is too much to do, after a pause."""
+    await asyncio.sleep(error.pause)
+    response = problem(request, HTTPStatus.SERVICE_UNAVAILABLE, "full", str(error))
+    response.headers["retry-after"] = str(error.retry_after)
+    return response
+
+
 def problem(
     request: Request, status: HTTPStatus, fault: str, detail: str, limit: int | None = None
 ) -> JSONResponse:
@@ -102,5 +148,4 @@ def problem(
         document.model_dump(exclude_none=True),
         status,
         media_type=PROBLEM_JSON,
-        headers={"x-request-id": request.state.request_id},
     )

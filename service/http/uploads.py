@@ -1,11 +1,11 @@
-"""The bytes of an upload, from a multipart form or the raw body, never more than the limit."""
+"""The bytes of an upload, from a multipart form or the raw body."""
 
 from dataclasses import dataclass
 from pathlib import PurePath
 
 from fastapi import Request
 from starlette.datastructures import UploadFile
-from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from starlette.formparsers import MultiPartException, MultiPartParser
 
 from model.errors import MalformedFile, UnknownFormat
 from model.loading import FORMATS
@@ -19,44 +19,6 @@ OPAQUE_TYPES = {
     "application/x-www-form-urlencoded",
     "binary/octet-stream",
 }
-
-
-class UploadTooLarge(Exception):
-    """A request body over the limit, in bytes."""
-
-    def __init__(self, limit: int) -> None:
-        super().__init__(
-            f"the request body is larger than {limit} bytes; simplify the mesh or send a "
-            "binary format (STL, PLY, GLB)"
-        )
-        self.limit = limit
-
-
-class BodyLimit:
-    """ASGI middleware: stop reading a body at the limit, whatever its header claims."""
-
-    def __init__(self, app: ASGIApp, limit: int) -> None:
-        self.app = app
-        self.limit = limit
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] != "http":
-            await self.app(scope, receive, send)
-            return
-        received = 0
-        claimed = dict(scope["headers"]).get(b"content-length", b"0")
-
-        async def limited_receive() -> Message:
-            nonlocal received
-            if claimed.isdigit() and int(claimed) > self.limit:
-                raise UploadTooLarge(self.limit)  # without waiting for any of it
-            message = await receive()
-            received += len(message.get("body", b""))
-            if received > self.limit:
-                raise UploadTooLarge(self.limit)
-            return message
-
-        await self.app(scope, limited_receive, send)
 
 
 @dataclass(frozen=True)
@@ -95,13 +57,23 @@ async def read_upload(request: Request) -> Upload:
     )
 
 
+class _FormParser(MultiPartParser):
+    """Keeps files in memory: they are bounded, and a service may have no disk to write to."""
+
+    spool_max_size = 0  # no limit
+
+
 async def _read_form(request: Request) -> Upload:
-    async with request.form(max_files=1, max_fields=10) as form:
-        file = form.get("file")
-        if not isinstance(file, UploadFile):
-            raise MalformedFile(
-                "no-file-field", "the form has no file in the field 'file': curl -F file=@mesh.obj"
-            )
-        name = file.filename or ""
-        # A name without an extension declares no format: the content decides, as for a path.
-        return Upload(await file.read(), name or None, PurePath(name).suffix or None)
+    try:
+        parser = _FormParser(request.headers, request.stream(), max_files=1, max_fields=10)
+        form = await parser.parse()
+    except MultiPartException as error:
+        raise MalformedFile("bad-request", error.message) from None
+    file = form.get("file")
+    if not isinstance(file, UploadFile):
+        raise MalformedFile(
+            "no-file-field", "the form has no file in the field 'file': curl -F file=@mesh.obj"
+        )
+    name = file.filename or ""
+    # A name without an extension declares no format: the content decides, as for a path.
+    return Upload(file.file.read(), name or None, PurePath(name).suffix or None)

@@ -39,7 +39,11 @@ def test_each_file_is_a_line_in_the_order_of_the_input(model_file: Path, meshes:
 
 def test_all_good_is_exit_0(model_file: Path, meshes: Path) -> None:
     done = meshconv3d(
-        "classify", meshes / "ring.obj", "--top", 2, variables={"MESHCONV3D_MODEL": str(model_file)}
+        "classify",
+        meshes / "ring.obj",
+        "--top",
+        2,
+        variables={"MESHCONV3D_MODELS": str(model_file)},
     )
     assert (done.returncode, done.stderr) == (0, "")
     (record,) = lines(done.stdout)
@@ -51,7 +55,7 @@ def test_the_flag_wins_over_the_variable(model_file: Path, meshes: Path) -> None
     """And without either, the shipped model answers."""
     mesh = meshes / "ring.obj"
     done = meshconv3d(
-        "classify", mesh, "--model", "shrec11", variables={"MESHCONV3D_MODEL": str(model_file)}
+        "classify", mesh, "--model", "shrec11", variables={"MESHCONV3D_MODELS": str(model_file)}
     )
     default = meshconv3d("classify", mesh)
     assert lines(done.stdout)[0]["model"] == lines(default.stdout)[0]["model"]
@@ -84,7 +88,7 @@ def test_standard_input_that_is_not_what_it_is_declared_as(meshes: Path) -> None
         (["{good}", "nothing.obj"], {}, "no such file or folder: nothing.obj"),
         (["{empty}"], {}, "no mesh files under {empty}"),
         (["{good}", "--model", "nothing"], {}, "no model 'nothing'"),
-        (["{good}"], {"MESHCONV3D_MODEL": "nothing"}, "no model 'nothing'"),
+        (["{good}"], {"MESHCONV3D_MODELS": "nothing"}, "no model 'nothing'"),
         (["{good}", "--model", "{good}"], {}, "{good}: the file is damaged or is no ONNX model"),
         (["{good}", "--top", "0"], {}, "--top"),
         (["{good}", "--format", "stl"], {}, "--format is for standard input"),

@@ -2,15 +2,19 @@
 
 import socket
 from collections.abc import Iterator
+from concurrent.futures import Future
 from pathlib import Path
 
 import anyio
 import httpx
 import pytest
 
-from service.classifier import Classifier
+from model.loading import Limits
+from service.http.admission import Admission
 from service.http.app import create_app
 from service.settings import Settings
+from service.workers import Record, Setup, Work, WorkerPool
+from service.workers.tasks import TaskFailed
 from tests.service.conftest import LIMIT, Service
 
 STL = {"content-type": "model/stl"}
@@ -139,19 +143,26 @@ def test_no_such_path_and_no_such_method(client: httpx.Client) -> None:
     assert response.headers["allow"] == "POST"
 
 
-def test_an_unforeseen_failure_hides_its_reason_and_names_the_request(
-    model_file: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    classifier = Classifier.load(str(model_file))
+class FailingPool(WorkerPool):
+    """A pool of no workers, whose work fails in a way that nobody foresaw."""
 
-    def fail(*_: object) -> None:
-        raise ZeroDivisionError("at a secret place")
+    def __init__(self) -> None:
+        setup = Setup((), Limits(), memory_bytes=0, seconds=1.0)
+        super().__init__(setup, workers=0)
+        self.models = {"any": {"name": "any"}}
 
-    app = httpx.ASGITransport(create_app(classifier, Settings()), raise_app_exceptions=False)
-    monkeypatch.setattr(classifier, "classify", fail)
+    def submit(self, work: Work, expires: float) -> Future[Record]:
+        future: Future[Record] = Future()
+        future.set_exception(TaskFailed("at a secret place"))
+        return future
+
+
+def test_an_unforeseen_failure_hides_its_reason_and_names_the_request() -> None:
+    app = create_app(FailingPool(), Admission(9, 9999, 9.0), Settings())
+    transport = httpx.ASGITransport(app, raise_app_exceptions=False)
 
     async def ask() -> httpx.Response:
-        async with httpx.AsyncClient(transport=app, base_url="http://service") as client:
+        async with httpx.AsyncClient(transport=transport, base_url="http://service") as client:
             return await client.post("/v1/classify", content=b"v 0 0 0")
 
     response = anyio.run(ask)

@@ -1,0 +1,74 @@
+"""The app under uvicorn, which ends without losing what it accepted."""
+
+import copy
+import gc
+import math
+import time
+from types import FrameType
+
+import uvicorn
+import uvicorn.config
+
+from service.http.admission import Admission
+from service.http.app import create_app
+from service.http.connections import bounded_connection
+from service.settings import Settings
+from service.workers import WorkerPool
+
+# The app answers at the deadline; the connection is closed only where that did not end it.
+CONNECTION_MARGIN = 2.0
+# Longer than proxies keep an idle connection: whoever closes it first may lose the next request.
+KEEP_ALIVE_SECONDS = 75
+
+
+def run(settings: Settings, pool: WorkerPool) -> None:
+    """Serve until a signal says to stop, and all that was accepted is answered."""
+    admission = Admission(
+        settings.max_queue_requests, settings.max_queue_bytes, settings.deadline_seconds
+    )
+    logs = copy.deepcopy(uvicorn.config.LOGGING_CONFIG)
+    logs["handlers"]["access"]["stream"] = "ext://sys.stderr"
+    config = uvicorn.Config(
+        create_app(pool, admission, settings),
+        host=settings.host,
+        port=settings.port,
+        http=bounded_connection(settings.deadline_seconds + CONNECTION_MARGIN),
+        ws="none",
+        lifespan="off",
+        timeout_keep_alive=KEEP_ALIVE_SECONDS,
+        limit_concurrency=settings.max_connections,
+        server_header=False,
+        log_config=logs,
+    )
+    gc.freeze()  # what is there by now stays: it need not be gone through again and again
+    _Server(config, admission, settings.grace_seconds).run()
+
+
+class _Server(uvicorn.Server):
+    """Told to stop, it goes on listening, says that it is not ready, and takes no new work; it
+    ends when all work is done, when `grace` seconds are over, or at a second signal."""
+
+    def __init__(self, config: uvicorn.Config, admission: Admission, grace: float) -> None:
+        super().__init__(config)
+        self._admission = admission
+        self._grace = grace
+        self._ends = math.inf
+
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        if self._admission.open:
+            self._admission.close()
+            self._ends = time.monotonic() + self._grace
+        else:
+            self._end(0)
+            self.force_exit = True
+
+    async def on_tick(self, counter: int) -> bool:
+        left = self._ends - time.monotonic()
+        if not self._admission.open and (self._admission.idle or left <= 0):
+            self._end(max(0, math.ceil(left)))
+        return await super().on_tick(counter)
+
+    def _end(self, seconds: int) -> None:
+        """Stop listening, and end after so many seconds at the latest."""
+        self.should_exit = True
+        self.config.timeout_graceful_shutdown = seconds

@@ -1,0 +1,44 @@
+"""A request waits for its worker, as long as it makes sense."""
+
+import asyncio
+import time
+from concurrent.futures import Future
+
+from starlette.requests import ClientDisconnect, Request
+
+from service.http.admission import Full
+from service.workers import DeadlineExceeded, Record
+
+# How often it is asked whether the client is still there, in seconds.
+POLL_SECONDS = 0.25
+
+
+async def result_of(future: Future[Record], expires: float, request: Request) -> Record:
+    """The result of work in the pool.
+
+    Work that has not begun is dropped when its deadline has passed or its client has gone. What
+    runs is waited for: its worker keeps the deadline.
+
+    Raises what the work raises, DeadlineExceeded, ClientDisconnect, or Full where the service
+    ends before.
+    """
+    try:
+        return await _result_of(future, expires, request)
+    except asyncio.CancelledError:
+        raise Full("the service was stopped", 1, pause=0.0) from None
+
+
+async def _result_of(future: Future[Record], expires: float, request: Request) -> Record:
+    answer = asyncio.wrap_future(future)
+    while not answer.done():
+        left = expires - time.monotonic()
+        await asyncio.wait({answer}, timeout=max(min(left, POLL_SECONDS), 0.0))
+        if answer.done():
+            break
+        if time.monotonic() >= expires:
+            if future.cancel():
+                raise DeadlineExceeded
+            break
+        if await request.is_disconnected() and future.cancel():
+            raise ClientDisconnect
+    return await answer

@@ -1,0 +1,20 @@
+"""Where workers come from: imported by the process that forks them, so that each starts in a
+fraction of a second, with all libraries loaded and all kernels compiled."""
+
+import signal
+
+import service.workers.tasks  # noqa: F401 (that it is loaded is the point)
+from model.config import NetworkConfig
+from model.inputs import mesh_inputs
+from model.loading import load_mesh
+from model.preparation import prepare
+from model.samples import sample_paths
+
+# Who stops a service may signal all its processes at once. This one and the workers go on until
+# the service has finished what it accepted: they end when it does.
+signal.signal(signal.SIGTERM, signal.SIG_IGN)
+
+# The samples come in all formats, with too many faces and too few.
+_config = NetworkConfig(classes=("this", "that"))
+for _path in sample_paths().values():
+    mesh_inputs(prepare(load_mesh(_path), _config.face_budget)[0], _config)

@@ -1,0 +1,107 @@
+"""What a worker process runs: open the models once, then bytes in and records out.
+
+Only plain values cross the border between the processes, and only errors that survive it.
+"""
+
+import gc
+import signal
+import traceback
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from model.errors import MeshError, UnusableMesh
+from model.loading import Limits
+from service.classifier import Classifier
+from service.models import ModelFile
+from service.records import answer
+from service.workers.limits import limit_cpu, limit_memory
+
+
+@dataclass(frozen=True)
+class Setup:
+    """What every worker is given at its start. memory_bytes: what one mesh may take, above what
+    the models take; seconds: how long one task may compute."""
+
+    models: Sequence[ModelFile]
+    limits: Limits
+    memory_bytes: int
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Work:
+    """One mesh to classify. file: its name, for the record; declared: what tells its format, or
+    None; top: only so many classes."""
+
+    model: str
+    content: bytes
+    file: str | None
+    declared: str | None
+    top: int | None = None
+
+
+@dataclass(frozen=True)
+class Record:
+    """An `Answer` as it leaves, in JSON, and how long each stage took, in milliseconds."""
+
+    json: bytes
+    timings_ms: dict[str, float]
+
+
+class TaskFailed(Exception):
+    """A task failed in a way that nobody foresaw; the message is the traceback."""
+
+
+@dataclass(frozen=True)
+class _Worker:
+    """What this process has been set up with."""
+
+    setup: Setup
+    classifiers: dict[str, Classifier]
+
+
+_worker: _Worker
+
+
+def warm_up(setup: Setup) -> list[dict[str, Any]]:
+    """Make this process a worker: open every model, test it, and take on the limits.
+
+    Returns what each model says of itself. Raises ModelFileError or SelfTestError.
+    """
+    global _worker
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)  # as in `origin`; pebble has set its own
+    classifiers = [Classifier(file.open(), setup.limits) for file in setup.models]
+    for classifier in classifiers:
+        classifier.self_test()
+    gc.freeze()  # the libraries' objects need not be gone through again and again
+    limit_memory(setup.memory_bytes)
+    _worker = _Worker(setup, {c.model.card.name: c for c in classifiers})
+    return [classifier.model.describe() for classifier in classifiers]
+
+
+def classify(work: Work) -> Record:
+    """Classify one mesh in a process that is warm. Raises MeshError or TaskFailed."""
+    limit_cpu(_worker.setup.seconds)
+    try:
+        result = _worker.classifiers[work.model].classify(work.content, work.declared)
+    except MeshError as error:
+        # A reader takes whatever goes wrong in it for a damaged file.
+        if isinstance(error.__cause__, MemoryError):
+            raise _too_much_memory() from None
+        raise
+    except MemoryError:
+        raise _too_much_memory() from None
+    except Exception:
+        # Some exceptions of libraries cannot be rebuilt on the other side.
+        raise TaskFailed(traceback.format_exc()) from None
+    record = answer(work.file, result, work.top)
+    return Record(record.model_dump_json(by_alias=True).encode(), result.timings_ms)
+
+
+def _too_much_memory() -> UnusableMesh:
+    return UnusableMesh(
+        "too-much-memory",
+        f"reading this file takes more than the {_worker.setup.memory_bytes} bytes of memory "
+        "that one mesh is allowed; simplify the mesh or split it up",
+    )
