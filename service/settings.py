@@ -7,7 +7,7 @@ from pydantic import Field, field_validator, model_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
 from model.loading import Limits
-from service.models import DEFAULT_MODEL
+from service.models import shipped_models
 
 MIB = 1024 * 1024
 LIMITS = Limits()
@@ -19,7 +19,7 @@ class Settings(BaseSettings):
     model_config = SettingsConfigDict(env_prefix="MESHCONV3D_")
 
     models: Annotated[tuple[str, ...], NoDecode] = Field(
-        default=(DEFAULT_MODEL,),
+        default_factory=lambda: tuple(shipped_models()),
         min_length=1,
         description="Shipped models by name, or model files; the first is the default. "
         "Comma separated in the variable, a flag for each.",

@@ -1,6 +1,7 @@
 """What tests in several rooms share: a small network and its files, and the real data."""
 
 import os
+import shutil
 import tarfile
 from dataclasses import replace
 from pathlib import Path
@@ -41,6 +42,20 @@ def shrec(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with tarfile.open(archive) as tar:
         tar.extractall(folder, filter="data")
     return folder / "shrec_16"
+
+
+@pytest.fixture(scope="session")
+def objects69(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of everyday objects as CLASS/*.ply, its split beside it as `split.csv`; skips where
+    the data is not at hand."""
+    archive = SHARED_DATA / "objects69.tar.xz"
+    if not archive.is_file():
+        pytest.skip("needs the data of everyday objects, which a clone does not have")
+    folder = tmp_path_factory.mktemp("objects")
+    with tarfile.open(archive) as tar:
+        tar.extractall(folder, filter="data")
+    shutil.copy(SHARED_DATA / "objects69_split.csv", folder / "split.csv")
+    return folder / "objects69"
 
 
 @pytest.fixture
