@@ -5,7 +5,7 @@ processes alive and hands them work. None of it knows of HTTP.
 """
 
 from service.workers.pool import WorkerPool
-from service.workers.tasks import Record, Setup, Work
+from service.workers.tasks import Record, Setup, TaskFailed, Work
 from service.workers.worker import DeadlineExceeded
 
-__all__ = ["DeadlineExceeded", "Record", "Setup", "Work", "WorkerPool"]
+__all__ = ["DeadlineExceeded", "Record", "Setup", "TaskFailed", "Work", "WorkerPool"]
