@@ -13,14 +13,16 @@ RUN pip install --no-cache-dir .
 FROM python:3.12-slim
 RUN useradd --system --uid 10001 --no-create-home meshconv3d
 COPY --from=build /opt/meshconv3d /opt/meshconv3d
-# Compiled kernels are cached in the image, so that the first request need not wait for the
-# compiler. numba takes a cache only where it may write; elsewhere every start compiles anew.
+# The image holds compiled kernels, for any processor of its architecture, so that no start waits
+# for the compiler. They are only read. The root file system may be read-only, and /tmp with it:
+# the one place that is written to, for a socket, is the memory that every container has.
 ENV PATH=/opt/meshconv3d/bin:$PATH \
     NUMBA_CACHE_DIR=/opt/numba \
+    NUMBA_CPU_NAME=generic \
+    TMPDIR=/dev/shm \
     MESHCONV3D_HOST=0.0.0.0 \
     PYTHONDONTWRITEBYTECODE=1
-RUN meshconv3d classify --json "$(python -c 'import model.samples as s; print(s.__path__[0])')" \
-    && chown -R meshconv3d /opt/numba
+RUN meshconv3d classify --json "$(python -c 'import model.samples as s; print(s.__path__[0])')"
 USER meshconv3d
 EXPOSE 8000
 HEALTHCHECK --interval=10s --timeout=3s --start-period=30s \

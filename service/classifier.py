@@ -140,7 +140,7 @@ class Classifier:
                 "which this version of meshconv3d does not have"
             )
         expected = np.array(card.probe.scores)
-        scores = self.classify(path).scores
+        scores = self.classify_mesh(load_mesh(path)).scores  # within no limits but the defaults
         difference = np.abs(scores - expected).max() / np.abs(expected).max()
         if not difference <= SELF_TEST_TOLERANCE:
             raise SelfTestError(

@@ -6,6 +6,7 @@ from concurrent.futures import Future
 
 from starlette.requests import ClientDisconnect, Request
 
+from service.http.admission import Full
 from service.workers import DeadlineExceeded, Record
 
 # How often it is asked whether the client is still there, in seconds.
@@ -18,8 +19,16 @@ async def result_of(future: Future[Record], expires: float, request: Request) ->
     Work that has not begun is dropped when its deadline has passed or its client has gone. What
     runs is waited for: its worker keeps the deadline.
 
-    Raises what the work raises, DeadlineExceeded, or ClientDisconnect.
+    Raises what the work raises, DeadlineExceeded, ClientDisconnect, or Full where the service
+    ends before.
     """
+    try:
+        return await _result_of(future, expires, request)
+    except asyncio.CancelledError:
+        raise Full("the service was stopped", 1, pause=0.0) from None
+
+
+async def _result_of(future: Future[Record], expires: float, request: Request) -> Record:
     answer = asyncio.wrap_future(future)
     while not answer.done():
         left = expires - time.monotonic()

@@ -44,9 +44,9 @@ class Worker:
         """
         self._ended = False
         self._pool = pebble.ProcessPool(max_workers=1, context=_context())
-        warming = self._pool.schedule(warm_up, args=(setup,), timeout=WARM_UP_SECONDS)
+        warming = self._pool.schedule(warm_up, args=(setup,))
         try:
-            self.models: list[dict[str, Any]] = warming.result()
+            self.models: list[dict[str, Any]] = warming.result(WARM_UP_SECONDS)
         except (pebble.ProcessExpired, BrokenProcessPool, TimeoutError) as error:
             self.end()
             raise NotStarted(f"a worker process does not start: {error}") from None
@@ -67,11 +67,12 @@ class Worker:
         if left <= 0:
             raise DeadlineExceeded
         try:
-            running = self._pool.schedule(classify, args=(work,), timeout=left)
+            running = self._pool.schedule(classify, args=(work,))
         except RuntimeError:
             raise NotStarted from None
         try:
-            return running.result()
+            # Not pebble's own timeout, which begins once the worker says that it has begun.
+            return running.result(left)
         except BrokenProcessPool:
             raise NotStarted from None
         except TimeoutError:

@@ -1,9 +1,12 @@
 """`meshconv3d serve` from start to stop."""
 
 import json
+import os
+import re
 import signal
 import socket
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor, wait
 from pathlib import Path
 
 import httpx
@@ -11,7 +14,9 @@ import onnx
 import pytest
 
 from export.metadata import PREFIX
+from service.settings import Settings
 from tests.commands import meshconv3d
+from tests.processes import family, held, until, workers
 from tests.service.conftest import Service
 
 README = Path(__file__).parents[2] / "README.md"
@@ -34,6 +39,87 @@ def test_a_stop_lets_the_running_request_finish(
     with pytest.raises(httpx.ConnectError):
         httpx.get(f"{service.url}/livez")
     assert "Traceback" not in service.log.read_text()
+
+
+def test_a_stop_is_told_and_loses_nothing(start: Callable[..., Service], meshes: Path) -> None:
+    """Even where all processes are told at once, as some supervisors do."""
+    service = start("--workers", "1")
+    content = (meshes / "ring.obj").read_bytes()
+    with ThreadPoolExecutor(1) as pool, held(workers(service.process.pid)):
+        accepted = pool.submit(httpx.post, f"{service.url}/v1/classify", content=content)
+        assert not wait([accepted], timeout=0.5).done
+        for process in (service.process.pid, *family(service.process.pid)):
+            os.kill(process, signal.SIGTERM)
+        until(lambda: httpx.get(f"{service.url}/readyz").status_code == 503)
+        refused = httpx.post(f"{service.url}/v1/classify", content=content)
+        assert (refused.status_code, refused.json()["fault"]) == (503, "full")
+        assert "stopping" in refused.json()["detail"]
+        assert httpx.get(f"{service.url}/livez").status_code == 200
+    assert accepted.result().status_code == 200
+    assert service.process.wait(30) == 0
+    assert "Traceback" not in service.log.read_text()
+
+
+@pytest.mark.parametrize("patience", ["grace", "second signal"])
+def test_a_stop_does_not_wait_for_ever(
+    start: Callable[..., Service], meshes: Path, patience: str
+) -> None:
+    service = start("--workers", "1", "--grace-seconds", "1" if patience == "grace" else "60")
+    content = (meshes / "ring.obj").read_bytes()
+    began = family(service.process.pid)
+    with ThreadPoolExecutor(1) as pool, held(workers(service.process.pid)):
+        accepted = pool.submit(httpx.post, f"{service.url}/v1/classify", content=content)
+        assert not wait([accepted], timeout=0.5).done
+        service.process.send_signal(signal.SIGTERM)
+        if patience == "second signal":
+            until(lambda: httpx.get(f"{service.url}/readyz").status_code == 503)
+            service.process.send_signal(signal.SIGTERM)
+        assert service.process.wait(10) == 0
+        assert (accepted.result().status_code, accepted.result().json()["fault"]) == (503, "full")
+        until(lambda: not any(Path(f"/proc/{process}").exists() for process in began))
+
+
+def test_several_models_are_told_apart_by_name(
+    start: Callable[..., Service], meshes: Path, model_file: Path
+) -> None:
+    service = start("--model", "shrec11")
+    content = (meshes / "ring.obj").read_bytes()
+    models = httpx.get(f"{service.url}/v1/models").json()["models"]
+    assert [model["name"] for model in models] == ["tiny", "shrec11"]
+
+    def ask(query: str) -> httpx.Response:
+        return httpx.post(f"{service.url}/v1/classify{query}", content=content)
+
+    for query, name in (("", "tiny"), ("?model=tiny", "tiny"), ("?model=shrec11", "shrec11")):
+        assert ask(query).json()["model"]["name"] == name
+    assert len(ask("?model=shrec11").json()["scores"]) == 30
+    missing = ask("?model=other")
+    assert (missing.status_code, missing.json()["fault"]) == (404, "not-found")
+    assert "tiny, shrec11" in missing.json()["detail"]
+
+
+def test_models_of_one_name_are_refused(model_file: Path) -> None:
+    done = meshconv3d("serve", "--port", 0, "--model", model_file, "--model", model_file)
+    assert done.returncode == 2
+    assert "told apart by their names" in done.stderr
+
+
+def test_a_damaged_model_beside_a_good_one_is_refused(model_file: Path, tmp_path: Path) -> None:
+    path = tmp_path / "damaged.onnx"
+    path.write_bytes(model_file.read_bytes()[:5000])
+    variables = {"MESHCONV3D_MODELS": f"shrec11,{path}"}
+    done = meshconv3d("serve", "--port", 0, variables=variables)
+    assert done.returncode == 2
+    assert str(path) in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_the_help_lists_every_setting() -> None:
+    text = meshconv3d("serve", "--help").stdout
+    for name, setting in Settings.model_fields.items():
+        flag = "--model" if name == "models" else "--" + name.replace("_", "-")
+        assert re.search(rf"^  {flag} ", text, re.MULTILINE), name
+        assert setting.description
 
 
 def test_an_interrupt_stops_it_too(start: Callable[..., Service]) -> None:
@@ -71,7 +157,12 @@ def test_a_model_that_fails_its_self_test_answers_nothing(
         (["--port", "99999"], {}, "bad setting: port"),
         (["--workers", "0"], {}, "bad setting: workers"),
         (["--max-upload-bytes", "0"], {}, "bad setting: max_upload_bytes"),
+        (["--max-faces", "many"], {}, "bad setting: max_faces"),
+        (["--deadline-seconds", "0"], {}, "bad setting: deadline_seconds"),
+        (["--worker-memory-bytes", "1000"], {}, "bad setting: worker_memory_bytes"),
+        (["--max-queue-bytes", "1000"], {}, "max_queue_bytes (1000) must be at least"),
         (["--model", "nothing"], {}, "no model 'nothing'"),
+        ([], {"MESHCONV3D_MODELS": ","}, "bad setting: models"),
         ([], {"MESHCONV3D_WORKERS": "many"}, "bad setting: workers"),
     ],
 )

@@ -1,0 +1,93 @@
+"""How much work is taken on, by a clock of the test's own."""
+
+import pytest
+
+from service.http.admission import Admission, Full
+
+
+class Clock:
+    now = 0.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+@pytest.fixture
+def clock() -> Clock:
+    return Clock()
+
+
+@pytest.fixture
+def admission(clock: Clock) -> Admission:
+    return Admission(most_requests=100, most_bytes=1000, patience=10.0, clock=clock)
+
+
+def busy(admission: Admission, clock: Clock, seconds: float) -> None:
+    """Fifty requests, of which ten are answered, one in so many seconds."""
+    for _ in range(50):
+        admission.enter()
+    for _ in range(10):
+        clock.now += seconds
+        admission.leave()
+
+
+def test_places_are_counted(admission: Admission) -> None:
+    for _ in range(100):
+        admission.arrive()
+        admission.enter()
+    with pytest.raises(Full, match="100 requests"):
+        admission.arrive()
+    with pytest.raises(Full):
+        admission.enter()
+    admission.leave()
+    admission.arrive()
+
+
+def test_uploads_take_bytes_but_no_place(admission: Admission) -> None:
+    for _ in range(200):
+        admission.arrive()
+        admission.hold(5)
+    with pytest.raises(Full, match="1000 bytes"):
+        admission.hold(1)
+    admission.release(5)
+    admission.hold(5)
+
+
+def test_the_wait_follows_from_the_rate(admission: Admission, clock: Clock) -> None:
+    assert admission.wait() == 0
+    busy(admission, clock, 0.1)
+    assert admission.wait() == pytest.approx(40 * 0.1, rel=0.15)
+
+
+def test_who_would_wait_too_long_is_refused_at_once(admission: Admission, clock: Clock) -> None:
+    busy(admission, clock, 0.5)  # the forty that are left take 20 s
+    with pytest.raises(Full) as refused:
+        admission.arrive()
+    assert 7 <= refused.value.retry_after <= 10
+
+
+def test_a_service_that_hangs_is_seen_to_slow_down(admission: Admission, clock: Clock) -> None:
+    busy(admission, clock, 0.1)
+    admission.arrive()
+    clock.now += 10
+    with pytest.raises(Full):
+        admission.arrive()
+
+
+def test_idle_time_is_no_measure_of_the_rate(admission: Admission, clock: Clock) -> None:
+    busy(admission, clock, 0.1)
+    for _ in range(40):
+        admission.leave()
+    clock.now += 1000
+    admission.enter()
+    assert admission.wait() == 0
+
+
+def test_once_closed_it_ends_with_the_last_visitor(admission: Admission) -> None:
+    admission.arrive()
+    admission.close()
+    with pytest.raises(Full, match="stopping"):
+        admission.arrive()
+    assert not admission.idle
+    admission.depart()
+    assert admission.idle

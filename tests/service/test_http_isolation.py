@@ -1,0 +1,123 @@
+"""What a file, or the system, does to a worker costs its own request, and no other."""
+
+import os
+import signal
+from collections import Counter
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor, wait
+from pathlib import Path
+
+import httpx
+import numpy as np
+import pytest
+
+from tests.processes import computed, held, until, workers
+from tests.service.conftest import Service
+from tests.service.test_http_problems import problem_of
+
+DEADLINE = 2.0
+
+
+@pytest.fixture(scope="module")
+def small(start: Callable[..., Service]) -> Service:
+    """One worker, and little of everything."""
+    options = {"workers": 1, "deadline-seconds": DEADLINE, "worker-memory-bytes": 64 * 2**20}
+    return start(*(text for name, value in options.items() for text in (f"--{name}", str(value))))
+
+
+@pytest.fixture(scope="module")
+def two(start: Callable[..., Service]) -> Service:
+    """Two workers."""
+    return start("--workers", "2")
+
+
+@pytest.fixture
+def ring(meshes: Path) -> bytes:
+    return (meshes / "ring.obj").read_bytes()
+
+
+def classify(service: Service, content: bytes) -> httpx.Response:
+    return httpx.post(f"{service.url}/v1/classify", content=content, timeout=60)
+
+
+def alive(service: Service) -> bool:
+    return httpx.get(f"{service.url}/readyz").status_code == 200
+
+
+def large_stl(faces: int) -> bytes:
+    """Random triangles as a binary STL."""
+    records = np.zeros(faces, dtype=[("values", "<f4", 12), ("attribute", "<u2")])
+    records["values"] = np.random.default_rng(0).random((faces, 12))
+    return bytes(80) + np.uint32(faces).tobytes() + records.tobytes()
+
+
+def test_a_worker_that_dies_costs_its_own_request(small: Service, ring: bytes) -> None:
+    (worker,) = workers(small.process.pid)
+    before = computed(worker)
+    with ThreadPoolExecutor(2) as pool:
+        large = pool.submit(classify, small, large_stl(200_000))
+        until(lambda: computed(worker) > before + 0.1)
+        queued = pool.submit(classify, small, ring)
+        os.kill(worker, signal.SIGKILL)
+        problem = problem_of(large.result(), 422)
+        assert problem["fault"] == "worker-crashed"
+        assert "signal 9" in problem["detail"]
+        assert queued.result().status_code == 200
+
+
+def test_work_that_a_dying_worker_had_not_begun_is_not_lost(small: Service, ring: bytes) -> None:
+    (worker,) = workers(small.process.pid)
+    with held([worker]), ThreadPoolExecutor(1) as pool:
+        answer = pool.submit(classify, small, ring)
+        assert not wait([answer], timeout=0.3).done
+        os.kill(worker, signal.SIGKILL)
+        assert answer.result().status_code == 200
+
+
+def test_idle_workers_that_die_are_replaced(two: Service, ring: bytes) -> None:
+    assert alive(two)
+    for worker in workers(two.process.pid):
+        os.kill(worker, signal.SIGKILL)
+    until(lambda: not alive(two))
+    until(lambda: alive(two))
+    assert classify(two, ring).status_code == 200
+
+
+def test_a_worker_that_hangs_costs_its_own_request(small: Service, ring: bytes) -> None:
+    until(lambda: alive(small))
+    workers_before = workers(small.process.pid)
+    with held(workers_before):
+        problem = problem_of(classify(small, ring), 504)
+    assert problem["fault"] == "deadline"
+    assert classify(small, ring).status_code == 200
+    assert set(workers(small.process.pid)).isdisjoint(workers_before)
+
+
+def test_a_file_that_takes_too_much_memory(small: Service, ring: bytes) -> None:
+    until(lambda: alive(small))
+    before = workers(small.process.pid)
+    problem = problem_of(classify(small, large_stl(900_000)), 422)
+    assert problem["fault"] == "too-much-memory"
+    assert str(64 * 2**20) in problem["detail"]
+    assert classify(small, ring).status_code == 200
+    assert workers(small.process.pid) == before
+
+
+def test_workers_killed_under_load_lose_only_what_they_held(two: Service, ring: bytes) -> None:
+    until(lambda: len(workers(two.process.pid)) == 2 and alive(two))
+    with ThreadPoolExecutor(8) as pool:
+        answers = [pool.submit(classify, two, ring) for _ in range(120)]
+        killed = 0
+        for worker in workers(two.process.pid):
+            done = sum(answer.done() for answer in answers)
+            until(lambda done=done: sum(answer.done() for answer in answers) > done + 10)
+            os.kill(worker, signal.SIGKILL)
+            killed += 1
+        statuses = Counter(answer.result().status_code for answer in answers)
+    assert statuses[200] >= 120 - killed
+    assert set(statuses) <= {200, 422}
+
+
+def test_a_file_over_a_limit(start: Callable[..., Service], ring: bytes) -> None:
+    problem = problem_of(classify(start("--max-faces", "499"), ring), 413)
+    assert (problem["fault"], problem["limit"]) == ("too-many-faces", 499)

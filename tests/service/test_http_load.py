@@ -1,0 +1,113 @@
+"""More work than can be done, and clients that do not wait for it."""
+
+import socket
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor, wait
+from contextlib import contextmanager
+from pathlib import Path
+
+import httpx
+import pytest
+
+from tests.processes import held, workers
+from tests.service.conftest import Service
+from tests.service.test_http_problems import problem_of
+
+PLACES = 2
+
+
+@pytest.fixture(scope="module")
+def narrow(start: Callable[..., Service]) -> Service:
+    """One worker, and a queue of few places."""
+    return start("--workers", "1", "--max-queue-requests", str(PLACES))
+
+
+@pytest.fixture(scope="module")
+def hasty(start: Callable[..., Service]) -> Service:
+    """A second for each request, and a queue of few bytes."""
+    limits = ["--max-queue-bytes", "30000", "--max-upload-bytes", "30000"]
+    return start("--deadline-seconds", "1", "--workers", "1", *limits)
+
+
+@pytest.fixture
+def ring(meshes: Path) -> bytes:
+    return (meshes / "ring.obj").read_bytes()
+
+
+def classify(service: Service, content: bytes) -> httpx.Response:
+    return httpx.post(f"{service.url}/v1/classify", content=content, timeout=60)
+
+
+@contextmanager
+def connection(service: Service) -> Iterator[socket.socket]:
+    host, port = service.url.removeprefix("http://").split(":")
+    with socket.create_connection((host, int(port)), timeout=30) as opened:
+        yield opened
+
+
+def head(length: int) -> bytes:
+    return f"POST /v1/classify HTTP/1.1\r\nHost: a\r\nContent-Length: {length}\r\n\r\n".encode()
+
+
+@contextmanager
+def full(service: Service, content: bytes) -> Iterator[list[Future[httpx.Response]]]:
+    """A service that hangs with all its places taken; afterwards it goes on."""
+    with ThreadPoolExecutor(PLACES) as pool, held(workers(service.process.pid)):
+        answers = [pool.submit(classify, service, content) for _ in range(PLACES)]
+        assert not wait(answers, timeout=0.5).done
+        yield answers
+
+
+def test_who_finds_no_place_is_told_when_to_come_back(narrow: Service, ring: bytes) -> None:
+    with full(narrow, ring) as accepted:
+        response = classify(narrow, ring)
+        assert problem_of(response, 503)["fault"] == "full"
+        assert 1 <= int(response.headers["retry-after"]) <= 30
+        assert httpx.get(f"{narrow.url}/readyz").status_code == 200
+    assert [answer.result().status_code for answer in accepted] == [200] * PLACES
+    assert classify(narrow, ring).status_code == 200
+
+
+def test_who_leaves_makes_place(narrow: Service, ring: bytes) -> None:
+    with ThreadPoolExecutor(PLACES) as pool, held(workers(narrow.process.pid)):
+        running = pool.submit(classify, narrow, ring)
+        assert not wait([running], timeout=0.5).done
+        with connection(narrow) as leaver:
+            leaver.sendall(head(len(ring)) + ring)
+            assert classify(narrow, ring).status_code == 503
+        assert not wait([running], timeout=0.5).done
+        stays = pool.submit(classify, narrow, ring)
+        assert not wait([stays], timeout=1.5).done
+    assert [running.result().status_code, stays.result().status_code] == [200, 200]
+
+
+def test_an_upload_that_dawdles_ends_at_the_deadline(hasty: Service) -> None:
+    with connection(hasty) as slow:
+        slow.sendall(head(20_000) + b"v 0 0 0\n")
+        answer = b"".join(iter(lambda: slow.recv(4096), b""))  # until it is closed
+        assert answer.startswith(b"HTTP/1.1 408 ")
+        assert b'"fault":"upload-too-slow"' in answer
+    assert "Traceback" not in hasty.log.read_text()
+
+
+@pytest.mark.parametrize("sent", [b"", b"GET /livez HTTP/1.1\r\nHost: a\r\n"])
+def test_a_request_that_never_comes_ends_the_connection(hasty: Service, sent: bytes) -> None:
+    with connection(hasty) as slow:
+        slow.sendall(sent)
+        assert slow.recv(4096) == b""
+
+
+def test_headers_without_end_are_refused(hasty: Service) -> None:
+    with connection(hasty) as opened:
+        endless = b"GET /livez HTTP/1.1\r\n" + (b"X-Padding: " + b"x" * 1000 + b"\r\n") * 5000
+        with pytest.raises(ConnectionError):
+            opened.sendall(endless)
+
+
+def test_bytes_that_uploads_hold_are_bounded(hasty: Service, ring: bytes) -> None:
+    assert len(ring) < 25_000
+    with connection(hasty) as slow:
+        slow.sendall(head(30_000) + b"#" * 25_000)
+        problem = problem_of(classify(hasty, ring), 503)
+        assert "bytes of uploads" in problem["detail"]
+    assert classify(hasty, ring).status_code == 200
