@@ -79,7 +79,7 @@ class Settings(BaseSettings):
         default=512 * MIB, ge=1, description="Most bytes of request bodies held at a time."
     )
     max_batch_meshes: int = Field(
-        default=64, ge=1, description="Most meshes in one request; each counts in the queue."
+        default=64, ge=1, description="Most meshes in one request, within what the queue takes."
     )
     max_connections: int = Field(default=1024, ge=2, description="Most connections open at a time.")
     api_keys: Annotated[tuple[SecretStr, ...], NoDecode] = Field(
@@ -122,16 +122,11 @@ class Settings(BaseSettings):
         return self
 
     @model_validator(mode="after")
-    def _queue_takes_any_request(self) -> Self:
+    def _queue_takes_any_upload(self) -> Self:
         if self.max_queue_bytes < self.max_upload_bytes:
             raise ValueError(
                 f"max_queue_bytes ({self.max_queue_bytes}) must be at least "
                 f"max_upload_bytes ({self.max_upload_bytes})"
-            )
-        if self.max_queue_requests < self.max_batch_meshes:
-            raise ValueError(
-                f"max_queue_requests ({self.max_queue_requests}) must be at least "
-                f"max_batch_meshes ({self.max_batch_meshes})"
             )
         return self
 
@@ -139,3 +134,8 @@ class Settings(BaseSettings):
     def limits(self) -> Limits:
         """What one file may hold."""
         return Limits(self.max_vertices, self.max_faces, self.max_geometries)
+
+    @property
+    def max_request_meshes(self) -> int:
+        """Most meshes in one request: no more than the queue has places."""
+        return min(self.max_batch_meshes, self.max_queue_requests)

@@ -134,6 +134,8 @@ def reason(error: Exception) -> Reason:
     """Why a mesh could not be classified, whichever error says so."""
     if isinstance(error, MeshError):
         return Reason(fault=error.fault, message=str(error))
+    if isinstance(error, Full):
+        return Reason(fault="full", message=str(error))
     if isinstance(error, DeadlineExceeded):
         message = "there was no answer within the deadline; simplify the mesh, or try again later"
         return Reason(fault="deadline", message=message)
@@ -144,7 +146,8 @@ def reason(error: Exception) -> Reason:
 async def full(request: Request, error: Full) -> JSONResponse:
     """The answer to what is refused because there is too much to do, after a pause."""
     await asyncio.sleep(error.pause)
-    response = problem(request, HTTPStatus.SERVICE_UNAVAILABLE, "full", str(error))
+    why = reason(error)
+    response = problem(request, HTTPStatus.SERVICE_UNAVAILABLE, why.fault, why.message)
     response.headers["retry-after"] = str(error.retry_after)
     return response
 

@@ -8,7 +8,7 @@ from typing import Any
 from fastapi import HTTPException, Request
 from starlette.requests import ClientDisconnect
 
-from service.http.admission import Admission
+from service.http.admission import Admission, Full
 from service.http.gate import Visit
 from service.http.metrics import Metrics
 from service.http.notes import notes_of
@@ -73,8 +73,10 @@ class Serving:
         """What became of each mesh that was queued, in order. Raises ClientDisconnect."""
         visit: Visit = request.state.visit
         notes = notes_of(request)
+        outcome: Outcome | None = None
         for future in futures:
-            outcome = await _outcome(result_of(future, visit.expires, request))
+            if not isinstance(outcome, Full):  # the service ends: no more will come
+                outcome = await _outcome(result_of(future, visit.expires, request))
             visit.finish()
             if isinstance(outcome, Exception):
                 notes.outcomes.append(reason(outcome).fault)

@@ -57,7 +57,7 @@ def v1_routes(serving: Serving) -> APIRouter:
         """Classify several meshes: the form fields `file`. Each is answered by a line as soon as it
         and those before it are done; one that cannot be classified says why in its line."""
         serving.card(model)
-        uploads = await read_uploads(request, serving.settings.max_batch_meshes)
+        uploads = await read_uploads(request, serving.settings.max_request_meshes)
         futures = await serving.submit(request, [_work(upload, model, top) for upload in uploads])
         names = [upload.name for upload in uploads]
         lines = _lines(names, serving.outcomes(request, futures))

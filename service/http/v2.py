@@ -75,7 +75,7 @@ def v2_routes(serving: Serving) -> APIRouter:
         inference, tensors = read_request(
             await read_body(request),
             request.headers.get(JSON_LENGTH),
-            serving.settings.max_batch_meshes,
+            serving.settings.max_request_meshes,
         )
         futures = await serving.submit(request, _works(name, tensors))
         records = []
