@@ -45,7 +45,7 @@ class Settings(BaseSettings):
         default=30.0,
         gt=0,
         le=3600,
-        description="Time for one request, from its first byte to its answer.",
+        description="Time for one request, from its headers to its answer.",
     )
     grace_seconds: int = Field(
         default=30,

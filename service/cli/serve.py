@@ -60,6 +60,7 @@ def serve(**flags: Any) -> None:
     from service.cli.shared import read_settings
     from service.http.server import run
     from service.logs import configure_logs
+    from service.workers import NotStarted
 
     settings = read_settings(flags)
     configure_logs(settings.log_format)
@@ -68,6 +69,8 @@ def serve(**flags: Any) -> None:
         pool = _start_workers(settings)
     except (ModelFileError, SelfTestError) as error:
         raise click.UsageError(str(error)) from None
+    except NotStarted as error:
+        raise click.ClickException(str(error)) from None
     run(settings, pool)
     pool.stop()
 

@@ -19,6 +19,8 @@ log = logging.getLogger(__name__)
 
 # The app answers at the deadline; the connection is closed only where that did not end it.
 CONNECTION_MARGIN = 2.0
+# Longer than proxies keep an idle connection: whoever closes it first may lose the next request.
+KEEP_ALIVE_SECONDS = 75
 
 
 def run(settings: Settings, pool: WorkerPool) -> None:
@@ -33,6 +35,7 @@ def run(settings: Settings, pool: WorkerPool) -> None:
         http=bounded_connection(settings.deadline_seconds + CONNECTION_MARGIN),
         ws="none",
         lifespan="off",
+        timeout_keep_alive=KEEP_ALIVE_SECONDS,
         limit_concurrency=settings.max_connections,
         server_header=False,
         headers=SECURITY_HEADERS,

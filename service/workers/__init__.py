@@ -1,11 +1,20 @@
 """Mesh files are read and classified in processes of their own, which a file may break.
 
-`tasks` is what runs in such a process, `limits` what the system holds it to, `pool` keeps the
-processes alive and hands them work. None of it knows of HTTP.
+`tasks` is what runs in such a process, `limits` what the system holds it to, `origin` where it is
+forked from. On the other side, `worker` is one process and `pool` keeps several alive and hands
+them work. None of it knows of HTTP.
 """
 
 from service.workers.pool import WorkerPool
 from service.workers.tasks import Record, Setup, TaskFailed, Work
-from service.workers.worker import DeadlineExceeded
+from service.workers.worker import DeadlineExceeded, NotStarted
 
-__all__ = ["DeadlineExceeded", "Record", "Setup", "TaskFailed", "Work", "WorkerPool"]
+__all__ = [
+    "DeadlineExceeded",
+    "NotStarted",
+    "Record",
+    "Setup",
+    "TaskFailed",
+    "Work",
+    "WorkerPool",
+]

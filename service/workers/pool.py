@@ -10,7 +10,7 @@ from typing import Any
 
 from export.metadata import ModelFileError
 from service.workers.tasks import Record, Setup, Work
-from service.workers.worker import NotStarted, Worker
+from service.workers.worker import NotStarted, Worker, crashed
 
 log = logging.getLogger(__name__)
 
@@ -55,12 +55,12 @@ class WorkerPool:
         """
         for seat in self._seats:
             seat.start()
-        for seat in self._seats:
-            described = seat.warm.result()
-        self.models = {model["name"]: model for model in described}
-        if len(self.models) < len(described):
-            names = ", ".join(model["name"] for model in described)
-            raise ModelFileError(f"models are told apart by their names, but these are: {names}")
+        try:
+            for seat in self._seats:
+                self.models = _by_name(seat.warm.result())
+        except BaseException:
+            self.stop()
+            raise
 
     def submit(self, work: Work, expires: float) -> Future[Record]:
         """Queue one mesh, to be classified by `expires` on the monotonic clock.
@@ -88,6 +88,14 @@ class WorkerPool:
         for seat in self._seats:
             seat.closing.set()
             self._jobs.put(None)
+
+
+def _by_name(models: list[dict[str, Any]]) -> dict[str, dict[str, Any]]:
+    by_name = {model["name"]: model for model in models}
+    if len(by_name) < len(models):
+        names = ", ".join(model["name"] for model in models)
+        raise ModelFileError(f"models are told apart by their names, but these are: {names}")
+    return by_name
 
 
 class _Seat(threading.Thread):
@@ -133,16 +141,23 @@ class _Seat(threading.Thread):
         assert work is not None
         waited = round((time.perf_counter() - job.queued) * 1000, 3)
         try:
-            try:
-                record = worker.classify(work, job.expires)
-            except NotStarted:
-                self._worker = self._living(worker)
-                record = self._worker.classify(work, job.expires)
+            record = self._classify(work, job.expires, worker)
         except Exception as error:
             job.future.set_exception(error)
         else:
             timings = {"queue": waited, **record.timings_ms}
             job.future.set_result(dataclasses.replace(record, timings_ms=timings))
+
+    def _classify(self, work: Work, expires: float, worker: Worker) -> Record:
+        """Give a worker that died before it began one successor; see `Worker.classify`."""
+        try:
+            return worker.classify(work, expires)
+        except NotStarted:
+            self._worker = worker = self._living(worker)
+        try:
+            return worker.classify(work, expires)
+        except NotStarted:
+            raise crashed("twice, as it was handed over") from None
 
     def _living(self, worker: Worker) -> Worker:
         """The worker itself, or if it died, a new one."""

@@ -5,6 +5,7 @@ import os
 import threading
 import time
 from concurrent.futures.process import BrokenProcessPool
+from multiprocessing.context import ForkServerContext
 from typing import Any
 
 import pebble
@@ -80,7 +81,9 @@ class Worker:
             raise DeadlineExceeded from None
         except pebble.ProcessExpired as expired:
             self.end()
-            raise _crashed(expired.exitcode) from None
+            code = expired.exitcode
+            how = f"signal {-code}" if code < 0 else f"exit code {code}"
+            raise crashed(how) from None
 
     def end(self) -> None:
         """Kill the process, whatever it does."""
@@ -92,7 +95,7 @@ class Worker:
         threading.Thread(target=self._pool.join, daemon=True).start()
 
 
-def _context() -> multiprocessing.context.BaseContext:
+def _context() -> ForkServerContext:
     """Processes forked from a clean one, which has loaded the libraries and serves nothing."""
     # Read as the libraries are loaded. The processes are as many as the cores: no more threads.
     for library in ("OMP", "OPENBLAS", "MKL"):
@@ -102,8 +105,8 @@ def _context() -> multiprocessing.context.BaseContext:
     return context
 
 
-def _crashed(exitcode: int) -> UnusableMesh:
-    how = f"signal {-exitcode}" if exitcode < 0 else f"exit code {exitcode}"
+def crashed(how: str) -> UnusableMesh:
+    """What is wrong with a file that its worker did not survive."""
     return UnusableMesh(
         "worker-crashed",
         f"this file made its reader crash ({how}); export the mesh again, in another format",

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numba.core.caching
+import numba.core.config
 import numpy as np
 import pytest
 

@@ -103,6 +103,12 @@ def test_a_file_that_takes_too_much_memory(small: Service, ring: bytes) -> None:
     assert workers(small.process.pid) == before
 
 
+def test_a_file_that_does_not_fit_into_a_worker_at_all(small: Service, ring: bytes) -> None:
+    problem = problem_of(classify(small, b"#" * 90 * 2**20), 422)
+    assert problem["fault"] == "worker-crashed"
+    assert classify(small, ring).status_code == 200
+
+
 def test_workers_killed_under_load_lose_only_what_they_held(two: Service, ring: bytes) -> None:
     until(lambda: len(workers(two.process.pid)) == 2 and alive(two))
     with ThreadPoolExecutor(8) as pool:

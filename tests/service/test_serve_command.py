@@ -20,6 +20,7 @@ from tests.processes import family, held, until, workers
 from tests.service.conftest import Service
 
 README = Path(__file__).parents[2] / "README.md"
+OPERATIONS = README.parent / "docs" / "operations.md"
 
 
 def test_a_stop_lets_the_running_request_finish(
@@ -114,12 +115,14 @@ def test_a_damaged_model_beside_a_good_one_is_refused(model_file: Path, tmp_path
     assert "Traceback" not in done.stderr
 
 
-def test_the_help_lists_every_setting() -> None:
+def test_the_help_and_the_docs_list_every_setting() -> None:
     text = meshconv3d("serve", "--help").stdout
+    table = OPERATIONS.read_text(encoding="utf-8")
     for name, setting in Settings.model_fields.items():
         flag = "--model" if name == "models" else "--" + name.replace("_", "-")
         assert re.search(rf"^  {flag} ", text, re.MULTILINE), name
-        assert setting.description
+        row = rf"^\| `MESHCONV3D_{name.upper()}` \|.*\| {re.escape(setting.description or '?')} \|$"
+        assert re.search(row, table, re.MULTILINE), name
 
 
 def test_an_interrupt_stops_it_too(start: Callable[..., Service]) -> None:

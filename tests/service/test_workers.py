@@ -1,0 +1,73 @@
+"""The pool of workers by itself, as any program may use it."""
+
+import json
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from export.metadata import ModelFileError
+from model.errors import LimitExceeded, MalformedFile
+from model.loading import Limits
+from service.classifier import Classifier
+from service.models import ModelFile
+from service.records import answer
+from service.workers import DeadlineExceeded, Setup, Work, WorkerPool
+
+MEMORY = 2**30
+
+
+def setup(*models: ModelFile) -> Setup:
+    return Setup(models, Limits(faces=600), MEMORY, seconds=30.0)
+
+
+def soon() -> float:
+    return time.monotonic() + 30
+
+
+@pytest.fixture(scope="module")
+def pool(model_file: Path) -> Iterator[WorkerPool]:
+    opened = WorkerPool(setup(ModelFile.read(str(model_file))), workers=1)
+    opened.start()
+    yield opened
+    opened.stop()
+
+
+def test_the_record_is_that_of_the_classifier(
+    pool: WorkerPool, model_file: Path, meshes: Path
+) -> None:
+    content = (meshes / "ring.obj").read_bytes()
+    record = pool.submit(Work("tiny", content, "a.obj", "obj", top=2), soon()).result()
+    here = answer("a.obj", Classifier.load(str(model_file)).classify(content, "obj"), top=2)
+    expected = here.model_dump(by_alias=True, mode="json") | {"timings_ms": record.timings_ms}
+    assert json.loads(record.json) == expected
+
+
+def test_errors_cross_the_border_as_they_are(pool: WorkerPool) -> None:
+    damaged = pool.submit(Work("tiny", b"OFF\n1", None, "off"), soon()).exception()
+    assert isinstance(damaged, MalformedFile)
+    assert damaged.fault
+    text = "v 0 0 0\nv 1 0 0\nv 0 1 0\n" + "f 1 2 3\n" * 601
+    error = pool.submit(Work("tiny", text.encode(), None, "obj"), soon()).exception()
+    assert isinstance(error, LimitExceeded)
+    assert (error.limit, error.value) == ("faces", 600)
+
+
+def test_work_whose_time_is_over_is_not_begun(pool: WorkerPool) -> None:
+    with pytest.raises(DeadlineExceeded):
+        pool.submit(Work("tiny", b"", None, None), time.monotonic() - 1).result()
+    assert (pool.alive, pool.restarts) == (1, 0)
+
+
+def test_work_that_is_cancelled_is_not_done(pool: WorkerPool, meshes: Path) -> None:
+    content = (meshes / "ring.obj").read_bytes()
+    futures = [pool.submit(Work("tiny", content, None, "obj"), soon()) for _ in range(20)]
+    assert futures[-1].cancel()
+    assert all(future.result() for future in futures[:-1])
+
+
+def test_a_model_that_cannot_be_opened_is_told_by_its_path(tmp_path: Path) -> None:
+    refused = WorkerPool(setup(ModelFile(tmp_path / "my.onnx", b"nothing")), workers=1)
+    with pytest.raises(ModelFileError, match=r"my\.onnx"):
+        refused.start()
