@@ -16,6 +16,8 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 # The first call of a kernel compiles it.
 settings.register_profile("kernels", deadline=None)
 settings.load_profile("kernels")
+# To fuzz for minutes: pytest --hypothesis-profile=long tests/model/loading/test_fuzzing.py
+settings.register_profile("long", deadline=None, max_examples=20_000)
 
 SMALL = NetworkConfig(
     classes=("ball", "box", "ring"),

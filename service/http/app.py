@@ -8,6 +8,7 @@ from starlette.middleware.cors import CORSMiddleware
 from starlette.types import ASGIApp
 
 from service.http.admission import Admission
+from service.http.description import INFERENCE_SCHEMAS
 from service.http.gate import Gate
 from service.http.keys import Keyed, describe_keys
 from service.http.metrics import Metrics
@@ -67,8 +68,9 @@ class _Api(FastAPI):
         self._keyed = bool(settings.api_keys)
 
     def openapi(self) -> dict[str, Any]:
-        if not self.openapi_schema:
-            description = super().openapi()
+        if self.openapi_schema is None:
+            description = super().openapi()  # which it keeps
+            description["components"]["schemas"] |= INFERENCE_SCHEMAS
             if self._keyed:
                 describe_keys(description)
         return super().openapi()

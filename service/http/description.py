@@ -4,6 +4,7 @@ from pydantic import BaseModel
 
 from model.loading import FORMATS
 from service.http.problems import PROBLEM_JSON, Problem
+from service.http.tensors_in import JSON_LENGTH, InferenceRequest
 
 _FILE = {"type": "string", "format": "binary"}
 
@@ -23,6 +24,27 @@ FILE_BODY = {
     },
 }
 FILES_BODY = {"required": True, "content": _form({"type": "array", "items": _FILE, "minItems": 1})}
+
+# The models that an infer request refers to, and its two forms.
+_REQUEST = InferenceRequest.model_json_schema(ref_template="#/components/schemas/{model}")
+INFERENCE_SCHEMAS = {**_REQUEST.pop("$defs"), "InferenceRequest": _REQUEST}
+INFERENCE_REQUEST = {
+    "parameters": [
+        {
+            "name": JSON_LENGTH,
+            "in": "header",
+            "description": "Bytes of the body that are JSON, where binary data follows.",
+            "schema": {"type": "integer", "minimum": 0},
+        }
+    ],
+    "requestBody": {
+        "required": True,
+        "content": {
+            "application/json": {"schema": {"$ref": "#/components/schemas/InferenceRequest"}},
+            "application/octet-stream": {"schema": _FILE},
+        },
+    },
+}
 
 _ERRORS = {
     400: "The request or the file is malformed.",

@@ -38,7 +38,7 @@ class Metrics:
         )
         self._meshes = Counter(
             "meshconv3d_meshes",
-            "Mesh files answered, each of a batch for itself; fault is empty for a class.",
+            "Mesh files answered, each of a batch; fault is empty where there was none.",
             ["fault"],
             registry=self.registry,
         )

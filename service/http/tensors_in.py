@@ -13,6 +13,9 @@ from service.http.problems import TooLarge, TooManyMeshes
 # Reading JSON keeps everyone waiting; meshes of this size and more come as binary data.
 MOST_JSON_BYTES = 4 * 1024 * 1024
 
+# The header that says how much of a body is JSON, where binary data follows.
+JSON_LENGTH = "Inference-Header-Content-Length"
+
 # What stands before each element of binary data: how many bytes it has.
 LENGTH = struct.Struct("<I")
 
@@ -50,7 +53,7 @@ def read_request(
 ) -> tuple[InferenceRequest, dict[str, list[bytes]]]:
     """A request and the elements of its input tensors, by name.
 
-    json_length: what the header Inference-Header-Content-Length says, or None where all is JSON;
+    json_length: what the header JSON_LENGTH says, or None where all is JSON;
     most: how many elements a tensor may have.
 
     Raises MalformedFile for what is no such request, TooLarge for too much of it.
@@ -83,7 +86,7 @@ def read_request(
 
 def _length(text: str, most: int) -> int:
     if not (text.isascii() and text.isdigit() and int(text) <= most):
-        raise malformed(f"Inference-Header-Content-Length is not one of 0 to {most}")
+        raise malformed(f"{JSON_LENGTH} is not one of 0 to {most}")
     return int(text)
 
 

@@ -14,15 +14,19 @@ from fastapi.responses import JSONResponse
 
 from model.errors import MalformedFile, MeshError
 from model.loading import FORMATS
-from service.http.description import WORK_ERRORS, InferenceAnswer, inference_errors
+from service.http.description import (
+    INFERENCE_REQUEST,
+    WORK_ERRORS,
+    InferenceAnswer,
+    inference_errors,
+)
 from service.http.problems import STATUSES, problem
 from service.http.serving import Serving
-from service.http.tensors_in import InferenceRequest, read_request
+from service.http.tensors_in import JSON_LENGTH, read_request
 from service.http.tensors_out import Output, answer
 from service.http.uploads import read_body
 from service.workers import Record, Work
 
-JSON_LENGTH = "inference-header-content-length"
 INPUTS = ({"name": "mesh", "datatype": "BYTES"}, {"name": "name", "datatype": "BYTES"})
 
 
@@ -61,13 +65,11 @@ def v2_routes(serving: Serving) -> APIRouter:
 
     @router.post(
         "/models/{name}/infer",
-        responses={200: {"model": InferenceAnswer}} | inference_errors(*WORK_ERRORS),
-        openapi_extra={
-            "requestBody": {
-                "required": True,
-                "content": {"application/json": {"schema": InferenceRequest.model_json_schema()}},
-            }
+        responses={
+            200: {"model": InferenceAnswer, "content": {"application/octet-stream": {}}},
+            **inference_errors(*WORK_ERRORS),
         },
+        openapi_extra=INFERENCE_REQUEST,
     )
     async def infer(request: Request, name: str) -> Response:
         """Classify the meshes of a tensor, all or none: an error names the first that failed."""

@@ -2,6 +2,7 @@
 
 import base64
 import json
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from model.samples import sample_paths
 from tests.service.conftest import Service
 
 MODEL = "tiny"
+HTTP = Path(__file__).parents[2] / "docs" / "http.md"
 NAMES = ["ants", "hand", "octopus", "pliers"]
 
 
@@ -119,6 +121,15 @@ def test_binary_files_in_base64(client: httpx.Client) -> None:
     response = client.post("/v2/models/tiny/infer", json={"inputs": [mesh]})
     assert response.status_code == 200, response.text
     assert response.json()["model_name"] == "tiny"
+
+
+def test_the_documented_example_runs(service: Service, capsys: pytest.CaptureFixture[str]) -> None:
+    (code,) = re.findall(r"```python\n(.*?)```", HTTP.read_text(encoding="utf-8"), re.DOTALL)
+    code = code.replace("localhost:8000", service.url.removeprefix("http://")).replace(
+        "shrec11", MODEL
+    )
+    exec(code.replace("model/samples", str(HTTP.parents[1] / "model" / "samples")), {})
+    assert capsys.readouterr().out.endswith(" (2, 3)\n")
 
 
 def mesh(**changes: object) -> dict:
