@@ -29,7 +29,7 @@ class Input(BaseModel):
     shape: list[int]
     datatype: str
     parameters: Parameters = {}
-    data: list[str] = Field([], fail_fast=True)
+    data: list[str] = Field(default=[], fail_fast=True)
 
 
 class RequestedOutput(BaseModel):
@@ -45,7 +45,7 @@ class InferenceRequest(BaseModel):
     id: str | None = None
     parameters: Parameters = {}
     inputs: list[Input] = Field(max_length=8)
-    outputs: list[RequestedOutput] | None = Field(None, max_length=8)
+    outputs: list[RequestedOutput] | None = Field(default=None, max_length=8)
 
 
 def read_request(

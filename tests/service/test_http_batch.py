@@ -23,6 +23,7 @@ from tests.service.conftest import Service
 from tests.service.test_http_problems import problem_of
 
 MOST = 3
+NOTHING = np.zeros(1, np.float32)
 
 
 @pytest.fixture(scope="module")
@@ -142,15 +143,18 @@ def test_lines_leave_as_soon_as_they_and_those_before_are_done() -> None:
     async def send(message: MutableMapping[str, Any]) -> None:
         sent.append(message.get("body", b""))
 
+    async def ask(scope: dict[str, Any]) -> None:
+        await app(scope, receive, send)
+
     async def play() -> None:
         headers = [(name.lower(), value) for name, value in request.headers.raw]
         scope = {"type": "http", "method": "POST", "path": request.url.path, "headers": headers}
         async with anyio.create_task_group() as group:
-            group.start_soon(app, scope | {"query_string": b""}, receive, send)
+            group.start_soon(ask, scope | {"query_string": b""})
             for done, expected in ((1, b""), (0, b"0\n1\n"), (2, b"0\n1\n2\n")):
                 while len(pool.futures) < 3:
                     await anyio.sleep(0.01)
-                record = Record(b"%d" % done, {}, "any", None, np.zeros(1), np.zeros(1))
+                record = Record(b"%d" % done, {}, "any", None, NOTHING, NOTHING)
                 pool.futures[done].set_result(record)
                 await anyio.sleep(0.6)  # longer than anyone looks away
                 assert b"".join(sent) == expected

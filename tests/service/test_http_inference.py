@@ -32,6 +32,12 @@ def tensor(name: str, elements: list[bytes], binary: bool = True) -> triton.Infe
     return made
 
 
+def values(result: triton.InferResult, name: str) -> np.ndarray:
+    found = result.as_numpy(name)
+    assert found is not None
+    return found
+
+
 def samples() -> list[bytes]:
     return [sample_paths()[name].read_bytes() for name in NAMES]
 
@@ -49,16 +55,16 @@ def test_scores_are_those_of_the_records(
 ) -> None:
     """They are rounded in the records, and sorted."""
     result = protocol.infer(MODEL, [tensor("mesh", samples())])
-    classes = [name.decode() for name in result.as_numpy("classes")]
+    classes = [name.decode() for name in values(result, "classes")]
     assert classes == client.get("/v1/models/tiny").json()["config"]["classes"]
     for i, content in enumerate(samples()):
         record = client.post("/v1/classify", content=content).json()
-        assert result.as_numpy("class")[i].decode() == record["class"]
-        assert result.as_numpy("unknown")[i] == record["unknown"]
+        assert values(result, "class")[i].decode() == record["class"]
+        assert values(result, "unknown")[i] == record["unknown"]
         for score in record["scores"]:
             place = i, classes.index(score["class"])
-            assert result.as_numpy("scores")[place] == pytest.approx(score["score"], abs=1e-4)
-            probability = result.as_numpy("probabilities")[place]
+            assert values(result, "scores")[place] == pytest.approx(score["score"], abs=1e-4)
+            probability = values(result, "probabilities")[place]
             assert probability == pytest.approx(score["probability"], abs=1e-5)
 
 
@@ -83,7 +89,7 @@ def test_json_and_binary_data_say_the_same(protocol: triton.InferenceServerClien
         for wanted in (plain, None)
     ]
     for name in outputs:
-        first, *others = (way.as_numpy(name).astype(str).tolist() for way in ways)
+        first, *others = (values(way, name).astype(str).tolist() for way in ways)
         assert others == [first] * 3
 
 

@@ -47,7 +47,7 @@ def test_each_key_opens_in_either_header(guarded: Service, key: str) -> None:
     ],
 )
 def test_nothing_else_opens(guarded: Service, headers: dict[str, str], fault: str) -> None:
-    encoded = {name: value.encode() for name, value in headers.items()}
+    encoded = [(name.encode(), value.encode()) for name, value in headers.items()]
     for path in ("/v1/models", "/metrics", "/openapi.json", "/v1/nothing"):
         response = httpx.get(f"{guarded.url}{path}", headers=encoded)
         assert problem_of(response, 401)["fault"] == fault
