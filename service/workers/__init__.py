@@ -6,7 +6,15 @@ them work. None of it knows of HTTP.
 """
 
 from service.workers.pool import WorkerPool
-from service.workers.tasks import Record, Setup, Work
+from service.workers.tasks import Record, Setup, TaskFailed, Work
 from service.workers.worker import DeadlineExceeded, NotStarted
 
-__all__ = ["DeadlineExceeded", "NotStarted", "Record", "Setup", "Work", "WorkerPool"]
+__all__ = [
+    "DeadlineExceeded",
+    "NotStarted",
+    "Record",
+    "Setup",
+    "TaskFailed",
+    "Work",
+    "WorkerPool",
+]

@@ -10,6 +10,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from model.errors import MeshError, UnusableMesh
 from model.loading import Limits
 from service.classifier import Classifier
@@ -43,14 +46,22 @@ class Work:
 
 @dataclass(frozen=True)
 class Record:
-    """An `Answer` as it leaves, in JSON, and how long each stage took, in milliseconds."""
+    """An `Answer` as it leaves, in JSON, and how long each stage took, in milliseconds.
+
+    scores, probabilities: N_c float32, in the order of the model's classes; label: the likeliest;
+    unknown: None for a model without a limit.
+    """
 
     json: bytes
     timings_ms: dict[str, float]
+    label: str
+    unknown: bool | None
+    scores: NDArray[np.float32]
+    probabilities: NDArray[np.float32]
 
 
 class TaskFailed(Exception):
-    """A task failed in a way that nobody foresaw; the message is the traceback."""
+    """A task failed in a way that nobody foresaw; the message says where, and quotes no file."""
 
 
 @dataclass(frozen=True)
@@ -92,11 +103,24 @@ def classify(work: Work) -> Record:
         raise
     except MemoryError:
         raise _too_much_memory() from None
-    except Exception:
+    except Exception as error:
         # Some exceptions of libraries cannot be rebuilt on the other side.
-        raise TaskFailed(traceback.format_exc()) from None
+        raise TaskFailed(_where(error)) from None
     record = answer(work.file, result, work.top)
-    return Record(record.model_dump_json(by_alias=True).encode(), result.timings_ms)
+    return Record(
+        record.model_dump_json(by_alias=True).encode(),
+        result.timings_ms,
+        result.label,
+        result.unknown,
+        result.scores,
+        result.probabilities.astype(np.float32),
+    )
+
+
+def _where(error: Exception) -> str:
+    """The kind of an error and its traceback. Its message may quote the file, and is left out."""
+    places = traceback.format_tb(error.__traceback__)
+    return "".join([type(error).__qualname__, "\n", *places])
 
 
 def _too_much_memory() -> UnusableMesh:
