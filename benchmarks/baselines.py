@@ -1,9 +1,10 @@
-"""What others make of the same files: `python -m benchmarks.baselines DATA`.
+"""What others make of the same files: `python -m benchmarks.baselines DATA --model MODEL`.
 
 Three methods that know nothing of mesh convolution, on the split and the prepared meshes of the
 network: nearest neighbour by spectrum, boosted trees over shape descriptors, and a small network
-over sampled points. None of their settings was chosen on test meshes. Prints a table and keeps
-every run as JSON in benchmarks/results/; a run that is there already is only read.
+over sampled points. None of their settings was chosen on test meshes. Prints a table, with the
+models named beside them, and keeps every run as JSON in benchmarks/results/; a run that is there
+already is only read.
 """
 
 import argparse
@@ -22,6 +23,9 @@ from benchmarks.baseline_methods.points import Points
 from benchmarks.baseline_methods.spectrum import Spectrum
 from benchmarks.scores import figures
 from model.datasets import Sample, class_names, find_samples
+from service.classifier import Classifier
+from service.evaluation import classify_samples, summarise
+from service.evaluation_report import DataId
 
 RESULTS = Path(__file__).parent / "results"
 
@@ -31,6 +35,7 @@ class Data:
 
     def __init__(self, samples: list[Sample], root: Path) -> None:
         self.samples = samples
+        self.root = root
         self.classes = class_names(samples)
         lines = [f"{s.path.relative_to(root).as_posix()} {s.label} {s.split}" for s in samples]
         self.split_sha256 = hashlib.sha256("\n".join(lines).encode()).hexdigest()
@@ -53,6 +58,7 @@ def main() -> None:
     parser.add_argument("--split", type=Path, help="CSV with the columns class,file,split")
     parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1, 2])
     parser.add_argument("--epochs", type=int, default=Points.epochs, help="of the point network")
+    parser.add_argument("--model", action="append", default=[], help="of ours: name or file")
     arguments = parser.parse_args()
 
     data = Data(find_samples(arguments.data, arguments.split), arguments.data)
@@ -67,6 +73,8 @@ def main() -> None:
     for name, (method, seeds) in methods.items():
         runs = [run_once(name, method, seed, data, path) for seed in seeds]
         print(table_row(name, runs), flush=True)
+    for model in arguments.model:
+        print(model_row(model, data), flush=True)
 
 
 def run_once(
@@ -111,6 +119,20 @@ def write_records(path: Path, data: Data, records: list[dict[str, Any]]) -> None
     }
     path.parent.mkdir(exist_ok=True)
     path.write_text(json.dumps(summary, indent=2) + "\n")
+
+
+def model_row(name: str, data: Data) -> str:
+    """One of our models, which sees each test file as those of any user."""
+    classifier = Classifier.load(name)
+    started = time.process_time()
+    samples = [sample for sample in data.samples if sample.split == "test"]
+    outcomes = list(classify_samples(classifier, samples))
+    identity = DataId(folder=data.root.name, split_file=None, part="test")
+    report = summarise(classifier.model, identity, outcomes, time.process_time() - started)
+    return (
+        f"{report.model.name:11}  {report.accuracy:6.2%} {report.top5_accuracy:7.2%}  "
+        f"{report.balanced_accuracy:8.2%}"
+    )
 
 
 def table_row(name: str, runs: list[dict[str, Any]]) -> str:

@@ -59,7 +59,7 @@ class NetworkConfig:
     readout: Literal["mean", "mean-peak"] = "mean"
     """What is classified of the last level's features: their mean over the faces, or beside it one
     near the greatest of each channel, see `spread_peaks`."""
-    dropout: Annotated[float, Field(ge=0, lt=1)] = 0.3
+    dropout: Annotated[float, Field(ge=0, lt=1)] = 0.0
     """Share of what is classified that training leaves out at random."""
 
     @model_validator(mode="after")
@@ -102,6 +102,7 @@ PRESETS: dict[str, dict[str, Any]] = {
         "absolute_offsets": True,
         "surroundings": True,
         "readout": "mean-peak",
+        "dropout": 0.3,
     },
 }
 

@@ -33,7 +33,7 @@ class LimitExceeded(MeshError):
 
     def __init__(self, limit: str, value: int, found: str) -> None:
         super().__init__(
-            f"too-many-{limit}",
+            f"too-many-{limit.replace('_', '-')}",
             f"{found}, more than the limit of {value}; simplify the mesh or split it up",
         )
         self.limit = limit

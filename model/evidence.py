@@ -27,7 +27,7 @@ def contributions(evidence: NDArray, topology: Topology, surface: Surface) -> ND
         row, column = np.nonzero(pool)
         gathered = pool[row, column] - 1
         each = shares / np.count_nonzero(pool, axis=1)
-        shares = np.bincount(gathered, each[row], count)
+        shares = np.bincount(gathered, each[row], count).astype(np.float64)
         reached = np.bincount(gathered, reached[row], count) > 0
     return _share_with_unreached(shares, reached, surface.twin)
 

@@ -28,8 +28,9 @@ class Model:
 
 
 def shipped_models() -> dict[str, Path]:
-    """The models inside the package, by name."""
-    return {path.stem: path for path in sorted(SHIPPED.glob("*.onnx"))}
+    """The models inside the package, by name; the default first."""
+    paths = sorted(SHIPPED.glob("*.onnx"), key=lambda path: (path.stem != DEFAULT_MODEL, path.stem))
+    return {path.stem: path for path in paths}
 
 
 def model_path(name_or_path: str) -> Path:

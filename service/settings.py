@@ -1,25 +1,31 @@
 """What an operator can set: a flag over a MESHCONV3D_* variable over the default."""
 
 import os
+import re
+from pathlib import Path
 from typing import Annotated, Self
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, SecretStr, field_validator, model_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
 from model.loading import Limits
-from service.models import DEFAULT_MODEL
+from service.api_keys import check_key, read_keys
+from service.logs import LogFormat
+from service.models import shipped_models
 
 MIB = 1024 * 1024
 LIMITS = Limits()
+# A scheme, a host and perhaps a port, as browsers send it.
+ORIGIN = re.compile(r"https?://[a-z0-9.\-]+(:\d+)?|https?://\[[0-9a-f:]+\](:\d+)?")
 
 
 class Settings(BaseSettings):
     """One typed field for each setting: its variable is MESHCONV3D_<FIELD>, its flag --field."""
 
-    model_config = SettingsConfigDict(env_prefix="MESHCONV3D_")
+    model_config = SettingsConfigDict(env_prefix="MESHCONV3D_", hide_input_in_errors=True)
 
     models: Annotated[tuple[str, ...], NoDecode] = Field(
-        default=(DEFAULT_MODEL,),
+        default_factory=lambda: tuple(shipped_models()),
         min_length=1,
         description="Shipped models by name, or model files; the first is the default. "
         "Comma separated in the variable, a flag for each.",
@@ -65,17 +71,55 @@ class Settings(BaseSettings):
         description="Memory that one mesh may take in a worker, above what the models take.",
     )
     max_queue_requests: int = Field(
-        default=256, ge=1, description="Most requests that wait or run at a time."
+        default=256,
+        ge=1,
+        description="Most requests that wait or run at a time; of a batch, each mesh counts.",
     )
     max_queue_bytes: int = Field(
         default=512 * MIB, ge=1, description="Most bytes of request bodies held at a time."
     )
+    max_batch_meshes: int = Field(
+        default=64, ge=1, description="Most meshes in one request, within what the queue takes."
+    )
     max_connections: int = Field(default=1024, ge=2, description="Most connections open at a time.")
+    api_keys: Annotated[tuple[SecretStr, ...], NoDecode] = Field(
+        default=(),
+        description="Keys of which a request must show one; with none, the service is open. "
+        "Comma separated in the variable, a flag for each; what is given as a flag, others on the "
+        "machine can see.",
+    )
+    api_keys_file: Path | None = Field(
+        default=None, description="File with further keys, one in each line."
+    )
+    cors_origins: Annotated[tuple[str, ...], NoDecode] = Field(
+        default=(),
+        description="Origins whose pages may ask, such as https://example.org. "
+        "Comma separated in the variable, a flag for each.",
+    )
+    log_format: LogFormat = Field(
+        default="json", description="How the log is written to standard error."
+    )
 
-    @field_validator("models", mode="before")
+    @field_validator("models", "api_keys", "cors_origins", mode="before")
     @classmethod
     def _split(cls, value: object) -> object:
         return tuple(filter(None, value.split(","))) if isinstance(value, str) else value
+
+    @field_validator("cors_origins")
+    @classmethod
+    def _are_origins(cls, origins: tuple[str, ...]) -> tuple[str, ...]:
+        for origin in origins:
+            if not ORIGIN.fullmatch(origin):
+                raise ValueError(f"{origin!r} is no origin; name one as https://example.org:8080")
+        return origins
+
+    @model_validator(mode="after")
+    def _read_keys(self) -> Self:
+        if self.api_keys_file is not None:
+            self.api_keys += read_keys(self.api_keys_file)
+        for key in self.api_keys:
+            check_key(key)
+        return self
 
     @model_validator(mode="after")
     def _queue_takes_any_upload(self) -> Self:
@@ -90,3 +134,8 @@ class Settings(BaseSettings):
     def limits(self) -> Limits:
         """What one file may hold."""
         return Limits(self.max_vertices, self.max_faces, self.max_geometries)
+
+    @property
+    def max_request_meshes(self) -> int:
+        """Most meshes in one request: no more than the queue has places."""
+        return min(self.max_batch_meshes, self.max_queue_requests)

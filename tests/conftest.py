@@ -1,6 +1,7 @@
 """What tests in several rooms share: a small network and its files, and the real data."""
 
 import os
+import shutil
 import tarfile
 from dataclasses import replace
 from pathlib import Path
@@ -17,6 +18,8 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 # The first call of a kernel compiles it.
 settings.register_profile("kernels", deadline=None)
 settings.load_profile("kernels")
+# To fuzz for minutes: pytest --hypothesis-profile=long tests/model/loading/test_fuzzing.py
+settings.register_profile("long", deadline=None, max_examples=20_000)
 
 SMALL = NetworkConfig(
     classes=("ball", "box", "ring"),
@@ -25,7 +28,7 @@ SMALL = NetworkConfig(
     descriptor_channels=6,
 )
 # What lies around a face, and peaks: all that the preset of everyday objects adds.
-WIDER = replace(SMALL, absolute_offsets=True, surroundings=True, readout="mean-peak")
+WIDER = replace(SMALL, absolute_offsets=True, surroundings=True, readout="mean-peak", dropout=0.3)
 SHARED_DATA = Path(__file__).parents[2] / "shared" / "data"
 
 
@@ -39,6 +42,20 @@ def shrec(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with tarfile.open(archive) as tar:
         tar.extractall(folder, filter="data")
     return folder / "shrec_16"
+
+
+@pytest.fixture(scope="session")
+def objects69(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of everyday objects as CLASS/*.ply, its split beside it as `split.csv`; skips where
+    the data is not at hand."""
+    archive = SHARED_DATA / "objects69.tar.xz"
+    if not archive.is_file():
+        pytest.skip("needs the data of everyday objects, which a clone does not have")
+    folder = tmp_path_factory.mktemp("objects")
+    with tarfile.open(archive) as tar:
+        tar.extractall(folder, filter="data")
+    shutil.copy(SHARED_DATA / "objects69_split.csv", folder / "split.csv")
+    return folder / "objects69"
 
 
 @pytest.fixture

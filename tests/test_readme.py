@@ -1,4 +1,4 @@
-"""The README's examples are run as they stand, and print what they say they print."""
+"""The examples of the README and of docs/http.md are run as they stand, and print what they say."""
 
 import os
 import re
@@ -13,7 +13,8 @@ from tests.commands import read_terminal
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-CONSOLE = re.findall(r"```console\n(.*?)```", README, re.DOTALL)
+HTTP = (ROOT / "docs" / "http.md").read_text(encoding="utf-8")
+CONSOLE = re.findall(r"```console\n(.*?)```", README + HTTP, re.DOTALL)
 PYTHON = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
 NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e[-+]\d+)?")
 
@@ -64,7 +65,7 @@ def assert_same(printed: list[str], expected: list[str]) -> None:
 
 
 @pytest.mark.parametrize("block", CONSOLE, ids=lambda block: block.split("\n")[0][2:50])
-def test_console_examples_print_what_the_readme_shows(block: str, tmp_path: Path):
+def test_console_examples_print_what_they_show(block: str, tmp_path: Path):
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = str(probe.getsockname()[1])
@@ -75,7 +76,7 @@ def test_console_examples_print_what_the_readme_shows(block: str, tmp_path: Path
     for lines, (command, expected) in zip(printed, pairs, strict=True):
         if command.endswith("&"):
             continue
-        assert expected, f"the README shows no output of: {command}"
+        assert expected, f"no output is shown of: {command}"
         assert_same(lines, expected)
 
 

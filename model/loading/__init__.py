@@ -4,9 +4,10 @@ A file passes three stations: its format is decided (`formats`), its bytes are r
 of that format into vertices and triangles, and `Mesh` checks these. Nothing outside the given
 bytes is ever opened: a file that needs a second one is refused.
 
-Formats that hold plain arrays (obj, off, ply, stl) are read with NumPy: to find out whether
-trimesh would read such a file rightly, one has to read it first. Formats that hold scenes (glb,
-gltf, 3mf) are checked, cut down to their triangles, and read by trimesh (`scene`).
+Every reader compares what the bytes declare with `Limits` before it makes arrays of that size, and
+takes text and XML piece by piece, so that memory stays within a small multiple of the bytes and the
+limits. All formats are read with NumPy: to find out whether a general library would read a hostile
+file rightly, and within bounds, one has to read it first.
 """
 
 from model.loading.folders import find_meshes

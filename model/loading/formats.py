@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from model.errors import MalformedFile, UnknownFormat
 from model.loading.stl import is_exact_binary
+from model.loading.text import quoted
 
 
 @dataclass(frozen=True)
@@ -52,6 +53,7 @@ FORMATS: dict[str, Format] = {
 # Formats whose first bytes are fixed: what begins otherwise is not one of them.
 _MARKED = frozenset({"ply", "glb", "gltf", "3mf"})
 
+_SNIFFED = 2**20  # bytes
 _OFF = re.compile(rb"(?:\s*#[^\r\n]*[\r\n])*\s*(?:ST)?C?N?4?n?OFF\b")
 _OBJ = re.compile(rb"^[ \t]*v[ \t]+[-+.\d]", re.MULTILINE)
 
@@ -81,14 +83,14 @@ def detect_format(data: bytes, declared: str | None) -> Format:
     if extension not in FORMATS:
         raise UnknownFormat(
             "unknown-format",
-            f"{declared!r} does not name a format that is read; "
+            f"{quoted(declared)} does not name a format that is read; "
             f"convert the mesh to one of these: {_listed()}",
         )
     if content != extension and (content is not None or extension in _MARKED):
         found = f"is {FORMATS[content].title} ({content})" if content else "is something else"
         raise UnknownFormat(
             "format-mismatch",
-            f"the file is declared as {extension} ({declared!r}), but its content {found}; "
+            f"the file is declared as {extension} ({quoted(declared)}), but its content {found}; "
             "correct the file name, or export the mesh again",
         )
     return FORMATS[extension]
@@ -103,7 +105,7 @@ def _sniff(data: bytes) -> str | None:
         return "glb"
     if data.startswith((b"PK\x03\x04", b"PK\x05\x06")):
         return "3mf"
-    text = data.removeprefix(BOM_UTF8)
+    text = data[:_SNIFFED].removeprefix(BOM_UTF8)
     if re.match(rb"ply\s", text):
         return "ply"
     start = text[:256].lstrip()

@@ -1,42 +1,83 @@
 """glTF 2.0, binary (.glb) and JSON with embedded buffers (.gltf).
 
-trimesh reads some valid files wrongly, and wrong ones silently. So the document is cut down to
-what places triangles, that is checked (`gltf_plain`), and trimesh is given the result as one .glb.
+Read by NumPy: what has to be checked before trimesh may be given a file (every index, length and
+stride, and how often each is placed) is nearly all that reading one takes.
 """
 
-import json
+import re
 import struct
-from typing import Any
 
 from model.errors import MalformedFile
-from model.loading.gltf_accessors import cut_off, unsupported
-from model.loading.gltf_plain import plain
-from model.loading.scene import flatten, open_scene
+from model.loading.gltf_buffers import Buffers
+from model.loading.gltf_document import (
+    Document,
+    children,
+    cut_off,
+    entries,
+    item,
+    parse,
+    unsupported,
+)
+from model.loading.gltf_meshes import Surface, surfaces
+from model.loading.gltf_nodes import placed_meshes
+from model.loading.limits import Limits
+from model.loading.scene import Matrix, flatten
+from model.loading.text import quoted
 from model.loading.triangles import Triangles
 
 _JSON_CHUNK, _BINARY_CHUNK = 0x4E4F534A, 0x004E4942
+# Required extensions that leave the triangles as they are, or that are read.
+_HARMLESS = re.compile(
+    "KHR_materials_.*|(KHR|EXT|MSFT)_texture_.*|KHR_lights_punctual|KHR_mesh_quantization"
+    "|KHR_animation_pointer|KHR_xmp.*"
+)
 
 
-def read_gltf(data: bytes) -> Triangles:
-    """The triangles of a .gltf file whose buffers are data: URIs. Raises MalformedFile."""
-    return _read(data, None)
+def read_gltf(data: bytes, limits: Limits) -> Triangles:
+    """The triangles of a .gltf file whose buffers are data: URIs.
+
+    Raises MalformedFile and LimitExceeded.
+    """
+    return _read(data, None, limits)
 
 
-def read_glb(data: bytes) -> Triangles:
-    """The triangles of a .glb file. Raises MalformedFile."""
-    return _read(*_split_chunks(data))
+def read_glb(data: bytes, limits: Limits) -> Triangles:
+    """The triangles of a .glb file. Raises MalformedFile and LimitExceeded."""
+    return _read(*_split_chunks(data), limits)
 
 
-def _read(text: bytes, binary: bytes | None) -> Triangles:
-    # Names may be in any encoding; they are not used.
-    document = json.loads(text.decode("utf-8-sig", errors="replace").rstrip("\0"))
-    if not isinstance(document, dict):
-        raise MalformedFile("bad-header", "a glTF document must be a JSON object")
-    return flatten(open_scene(_pack(*plain(document, binary)), "glb"))
+def _read(text: bytes, binary: bytes | None, limits: Limits) -> Triangles:
+    document = parse(text, limits)
+    _check_version(document)
+    _check_extensions(document)
+    buffers = Buffers(document, binary)
+    meshes: dict[int, list[Surface]] = {}
+    placed: list[tuple[Surface, Matrix]] = []
+    primitives = 0
+    for number, matrix in placed_meshes(document, limits):
+        if number not in meshes:
+            meshes[number] = surfaces(item(document, "meshes", number), document, buffers)
+        placed += [(surface, matrix) for surface in meshes[number]]
+        primitives += sum(len(surface.primitives) for surface in meshes[number])
+        limits.check("geometries", primitives)
+    return flatten(placed, limits)
+
+
+def _check_version(document: Document) -> None:
+    version = str(children(document, "asset").get("version", "2.0"))
+    if version.partition(".")[0] != "2":
+        raise unsupported(f"glTF version {quoted(version)} is not read, only 2.x")
+
+
+def _check_extensions(document: Document) -> None:
+    required = map(str, entries(document, "extensionsRequired"))
+    unread = [name for name in required if not _HARMLESS.fullmatch(name)]
+    if unread:
+        raise unsupported(f"the file requires {quoted(', '.join(unread))}, which is not read")
 
 
 def _split_chunks(data: bytes) -> tuple[bytes, bytes | None]:
-    """The JSON chunk and the binary chunk; what follows them is passed over."""
+    """The JSON chunk and the binary chunk, if that is the second; the others are passed over."""
     if len(data) < 20:
         raise cut_off(20, len(data))
     version = struct.unpack_from("<I", data, 4)[0]
@@ -45,8 +86,8 @@ def _split_chunks(data: bytes) -> tuple[bytes, bytes | None]:
     kind, document, position = _chunk(data, 12)
     if kind != _JSON_CHUNK:
         raise MalformedFile("bad-header", "the first chunk of a .glb must be its JSON document")
-    while position + 8 <= len(data):
-        kind, content, position = _chunk(data, position)
+    if position + 8 <= len(data):
+        kind, content, _ = _chunk(data, position)
         if kind == _BINARY_CHUNK:
             return document, content
     return document, None
@@ -59,19 +100,3 @@ def _chunk(data: bytes, position: int) -> tuple[int, bytes, int]:
     if end > len(data):
         raise cut_off(end, len(data))
     return kind, data[position + 8 : end], end
-
-
-def _pack(document: dict[str, Any], buffer: bytes) -> bytes:
-    """A .glb file."""
-    text = json.dumps(document).encode()
-    text += b" " * (-len(text) % 4)
-    length = 12 + 8 + len(text) + 8 + len(buffer)
-    return b"".join(
-        (
-            struct.pack("<4s2I", b"glTF", 2, length),
-            struct.pack("<2I", len(text), _JSON_CHUNK),
-            text,
-            struct.pack("<2I", len(buffer), _BINARY_CHUNK),
-            buffer,
-        )
-    )

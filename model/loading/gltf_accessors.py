@@ -1,100 +1,89 @@
-"""Checks of what a glTF document says of its bytes, before anything reads them."""
+"""The arrays of a glTF file: what it says of its bytes is checked before any are read."""
 
+from dataclasses import dataclass
 from typing import Any
 
-from model.errors import MalformedFile
+import numpy as np
+from numpy.typing import NDArray
 
-_SIZES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
+from model.errors import MalformedFile
+from model.loading.gltf_buffers import Buffers
+from model.loading.gltf_document import Document, cut_off, item, natural, unsupported
+
+_DTYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _FLOAT = 5126
 _POSITION_TYPES = frozenset({5120, 5121, 5122, 5123, _FLOAT})  # integers: KHR_mesh_quantization
 _INDEX_TYPES = frozenset({5121, 5123, 5125})
-_ADVICE = "export as plain glTF 2.0 without it"
 
 
-def item(document: dict[str, Any], kind: str, number: Any) -> dict[str, Any]:
-    """The entry `number` of a list of the document. Raises MalformedFile when there is none."""
-    entries = document.get(kind, [])
-    return entries[index(number, len(entries), kind)]
+@dataclass(frozen=True)
+class Accessor:
+    """`count` rows of `width` numbers that are known to lie in their buffer.
 
+    start: the byte of the buffer at which they begin.
+    stride: bytes from row to row.
+    """
 
-def index(number: Any, length: int, kind: str) -> int:
-    """`number`, an index into `length` entries. Raises MalformedFile when it is none."""
-    if natural(number, f"an index into {kind}") >= length:
-        raise MalformedFile(
-            "bad-reference", f"entry {number} of {kind} is used, but there are {length}"
+    buffer: int
+    dtype: np.dtype
+    width: int
+    count: int
+    start: int
+    stride: int
+
+    def read(self, buffers: Buffers) -> NDArray:
+        """count x width, a view of the buffer."""
+        if not self.count:
+            return np.empty((0, self.width), self.dtype)
+        return np.ndarray(
+            (self.count, self.width),
+            self.dtype,
+            buffers[self.buffer],
+            self.start,
+            (self.stride, self.dtype.itemsize),
         )
-    return number
 
 
-def natural(value: Any, what: str) -> int:
-    """`value`, a whole number from 0. Raises MalformedFile when it is none."""
-    if not isinstance(value, int) or isinstance(value, bool) or value < 0:
-        raise MalformedFile("bad-number", f"{what} must be a whole number from 0, not {value!r}")
-    return value
-
-
-def only(entry: dict[str, Any], keys: tuple[str, ...]) -> dict[str, Any]:
-    """The entry with these keys alone, as far as it has them."""
-    return {key: entry[key] for key in keys if key in entry}
-
-
-def unsupported(what: str) -> MalformedFile:
-    """The error for a feature that is not read."""
-    return MalformedFile("unsupported-feature", f"{what}; {_ADVICE}")
-
-
-def cut_off(needed: int, found: int) -> MalformedFile:
-    """The error for data that ends too early."""
-    return MalformedFile(
-        "truncated",
-        f"{needed} bytes are declared where the file has {found}; "
-        "it is cut off, export or upload it again",
-    )
-
-
-def check_positions(document: dict[str, Any], number: Any) -> int:
-    """The count of an accessor of vertex positions. Raises MalformedFile."""
-    accessor = item(document, "accessors", number)
-    _check_type(accessor, "VEC3", _POSITION_TYPES)
-    if accessor.get("normalized") and accessor["componentType"] != _FLOAT:
+def positions(document: Document, number: Any) -> Accessor:
+    """The accessor of vertex positions. Raises MalformedFile."""
+    entry = item(document, "accessors", number)
+    found = _accessor(document, entry, "VEC3", 3, _POSITION_TYPES)
+    if entry.get("normalized") and found.dtype.kind != "f":
         raise unsupported("positions stored as normalized integers are not read")
-    return _check_extent(document, accessor, 3)
+    return found
 
 
-def check_indices(document: dict[str, Any], number: Any) -> int:
-    """The count of an accessor of vertex indices. Raises MalformedFile."""
-    accessor = item(document, "accessors", number)
-    _check_type(accessor, "SCALAR", _INDEX_TYPES)
-    return _check_extent(document, accessor, 1)
+def indices(document: Document, number: Any) -> Accessor:
+    """The accessor of vertex indices. Raises MalformedFile."""
+    entry = item(document, "accessors", number)
+    return _accessor(document, entry, "SCALAR", 1, _INDEX_TYPES)
 
 
-def _check_type(accessor: dict[str, Any], shape: str, components: frozenset[int]) -> None:
-    if "sparse" in accessor:
+def _accessor(
+    document: Document, entry: Document, shape: str, width: int, types: frozenset[int]
+) -> Accessor:
+    if "sparse" in entry:
         raise unsupported("sparse accessors are not read")
-    if "bufferView" not in accessor:
+    if "bufferView" not in entry:
         raise unsupported("positions or indices have no data of their own (Draco or the like)")
-    if accessor["type"] != shape or accessor["componentType"] not in components:
+    component = natural(entry, "componentType")
+    if entry.get("type") != shape or component not in types:
         raise MalformedFile(
-            "bad-accessor",
-            f"an accessor must be {shape} of component type {sorted(components)}, "
-            f"not {accessor['type']} of {accessor['componentType']}",
+            "bad-accessor", f"an accessor must be {shape} of component type {sorted(types)}"
         )
-
-
-def _check_extent(document: dict[str, Any], accessor: dict[str, Any], numbers: int) -> int:
-    """The accessor's count, once it is known to lie in its view and that in its buffer."""
-    view = item(document, "bufferViews", accessor["bufferView"])
-    buffer = item(document, "buffers", view["buffer"])
-    length = natural(view["byteLength"], "a view's byteLength")
-    end = natural(view.get("byteOffset", 0), "a view's byteOffset") + length
-    if end > natural(buffer["byteLength"], "a buffer's byteLength"):
-        raise cut_off(end, buffer["byteLength"])
-    size = numbers * _SIZES[accessor["componentType"]]
-    stride = natural(view.get("byteStride", size), "a view's byteStride")
+    dtype = np.dtype(_DTYPES[component])
+    view = item(document, "bufferViews", entry["bufferView"])
+    buffer = item(document, "buffers", view.get("buffer"))
+    length = natural(view, "byteLength")
+    begin = natural(view, "byteOffset", 0)
+    if begin + length > natural(buffer, "byteLength"):
+        raise cut_off(begin + length, buffer["byteLength"])
+    size = width * dtype.itemsize
+    count = natural(entry, "count")
+    stride = natural(view, "byteStride", size) if count > 1 else size
     if stride < size:
         raise MalformedFile("bad-accessor", f"a byteStride of {stride} is less than {size} bytes")
-    count = natural(accessor["count"], "an accessor's count")
-    start = natural(accessor.get("byteOffset", 0), "an accessor's byteOffset")
+    start = natural(entry, "byteOffset", 0)
     if count and start + (count - 1) * stride + size > length:
         raise cut_off(start + (count - 1) * stride + size, length)
-    return count
+    return Accessor(view["buffer"], dtype, width, count, begin + start, stride)

@@ -9,18 +9,38 @@ from model.errors import LimitExceeded
 class Limits:
     """The most that one file may hold; each count includes the limit itself.
 
+    What the bytes declare is compared with the limits before anything of that size is made.
     The defaults are far above what a real mesh needs, and keep what one file can cost in check:
     a million-face mesh takes seconds and under 2 GB.
     """
 
     vertices: int = 10_000_000
+    """Where instances are placed, each with its own; an STL has three for each triangle."""
     faces: int = 10_000_000
     """Triangles, after polygons are split and instances placed."""
     geometries: int = 10_000
-    """Placed parts of a scene: its nodes, build items and components together."""
+    """Placed parts of a scene: its nodes, build items and components together.
 
-    def check(self, what: str, count: int) -> None:
-        """Raises LimitExceeded where there are more. what: the name of one of the fields."""
+    It bounds the depth of a scene too, which is walked without recursion.
+    """
+    values: int = 2_000_000
+    """Values in the JSON of a glTF file, where each becomes an object in memory."""
+    line_bytes: int = 2**20
+    """Bytes of one line of text, or of one tag of XML."""
+    entries: int = 10_000
+    """Files in an archive, read or not."""
+    unpacked_bytes: int = 2**30
+    """Bytes that the files of an archive which are read unpack to, together."""
+    unpacked_bytes_per_byte: int = 200
+    """How many times the archive's own size that may be. XML of a mesh packs to a tenth."""
+
+    def check(self, what: str, count: int, found: str | None = None) -> None:
+        """Raises LimitExceeded where there are more.
+
+        what: the name of one of the fields.
+        found: what was found, as the beginning of a sentence; with None, `count` of it.
+        """
         most = getattr(self, what)
         if count > most:
-            raise LimitExceeded(what, most, f"the file has {count} {what}")
+            found = found or f"the file has {count} {what.replace('_', ' ')}"
+            raise LimitExceeded(what, most, found)

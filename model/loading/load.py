@@ -4,7 +4,7 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 
-from model.errors import MalformedFile, MeshError
+from model.errors import MalformedFile, MeshError, UnusableMesh
 from model.loading.formats import Format, detect_format
 from model.loading.gltf import read_glb, read_gltf
 from model.loading.limits import Limits
@@ -16,7 +16,7 @@ from model.loading.threemf import read_3mf
 from model.loading.triangles import Triangles
 from model.mesh import Mesh
 
-_READERS: dict[str, Callable[[bytes], Triangles]] = {
+_READERS: dict[str, Callable[[bytes, Limits], Triangles]] = {
     "obj": read_obj,
     "off": read_off,
     "stl": read_stl,
@@ -46,23 +46,24 @@ def load_mesh(
         path = Path(source)
         data = path.read_bytes()
         name = path.suffix if name is None else name
-    vertices, faces = _read(data, detect_format(data, name))
-    limits = limits or Limits()
-    limits.check("vertices", len(vertices))
-    limits.check("faces", len(faces))
-    return Mesh(vertices, faces)
+    return _read(data, detect_format(data, name), limits or Limits())
 
 
-def _read(data: bytes, known: Format) -> Triangles:
-    """The triangles of a file whose format is decided."""
+def _read(data: bytes, known: Format, limits: Limits) -> Mesh:
+    """The mesh in a file whose format is decided."""
     try:
-        return _READERS[known.extension](data)
+        return Mesh(*_READERS[known.extension](data, limits))
     except MeshError:
         raise
+    except MemoryError as error:
+        raise UnusableMesh(
+            "out-of-memory",
+            "reading the file takes more memory than there is; simplify the mesh or split it up",
+        ) from error
     except Exception as error:
         # Damaged bytes can make the libraries underneath raise nearly anything.
         raise MalformedFile(
             "unreadable",
-            f"the file cannot be read as {known.title} ({type(error).__name__}: {error}); "
+            f"the file cannot be read as {known.title}; "
             "it is damaged or was written wrongly, export it again",
         ) from error

@@ -6,9 +6,11 @@ from codecs import BOM_UTF8
 import numpy as np
 
 from model.errors import MalformedFile
-from model.loading.records import Column, Element, Field, read_element
-from model.loading.text import numbers, plain_text
-from model.loading.triangles import Triangles, fan, indices
+from model.loading.elements import Buffer, Column, Element, Field
+from model.loading.limits import Limits
+from model.loading.records import read_element
+from model.loading.text import numbers, plain_text, quoted
+from model.loading.triangles import Triangles, coordinates, fan
 
 _TYPES = {
     "char": "i1",
@@ -33,53 +35,51 @@ _TYPES = {
 # Every number of an ASCII body is read as this, whatever type the header declares.
 _TEXT = np.dtype("<f8")
 _ORDERS = {"ascii": None, "binary_little_endian": "<", "binary_big_endian": ">"}
+_COUNT = re.compile("[0-9]{1,18}")
+_LONGEST_HEADER = 2**18  # bytes
 _CORNER_NAMES = ("vertex_indices", "vertex_index")
 
 
-def read_ply(data: bytes) -> Triangles:
-    """The triangles of a PLY file. Raises MalformedFile."""
+def read_ply(data: bytes, limits: Limits) -> Triangles:
+    """The triangles of a PLY file. Raises MalformedFile and LimitExceeded."""
     data = data.removeprefix(BOM_UTF8)
     lines, body = _split_header(data)
     order = _byte_order(lines)
     elements = _elements(lines, order)
-    records = data[body:] if order else numbers(plain_text(data[body:])).tobytes()
+    corner_name = _check_elements(elements)
+    wanted = {*"xyz", corner_name}
+    records: Buffer = data[body:]
+    if not order:
+        records = numbers(plain_text(data[body:]), limits).view(np.uint8).data
     columns: dict[str, dict[str, Column]] = {}
     position = 0
     for element in elements:
         if {"vertex", "face"} <= columns.keys():
             break
-        columns[element.name], position = read_element(records, position, element)
-    if "tristrips" in columns and "face" not in columns:
-        raise MalformedFile(
-            "unsupported-feature",
-            "the faces are stored as triangle strips, which are not read; export with a face list",
-        )
-    vertex, face = columns.get("vertex", {}), columns.get("face", {})
-    missing = [axis for axis in "xyz" if axis not in vertex]
-    if missing:
-        raise MalformedFile(
-            "bad-header", f"the vertex element has no property {', '.join(missing)}"
-        )
-    vertices = np.stack([vertex[axis].values for axis in "xyz"], axis=1).astype(np.float64)
-    if not face:
+        columns[element.name], position = read_element(records, position, element, wanted, limits)
+    vertex = columns["vertex"]
+    vertices = np.stack([coordinates(vertex[axis].values) for axis in "xyz"], axis=1)
+    if corner_name is None:
         return vertices, np.empty((0, 3), dtype=np.int64)
-    corners = _corners(face, elements)
-    return vertices, fan(indices(corners.values), corners.counts)
+    corners = columns["face"][corner_name]
+    return vertices, fan(corners.values, corners.counts, limits)
 
 
 def _split_header(data: bytes) -> tuple[list[list[str]], int]:
     """The words of each header line, and the byte at which the body begins."""
-    first = re.match(rb"ply[ \t]*(\r\n|\n|\r)", data)
-    end = re.search(rb"[\r\n]end_header[ \t]*(\r\n|\n|\r|\Z)", data)
+    head = data[:_LONGEST_HEADER]
+    first = re.match(rb"ply[ \t]*(\r\n|\n|\r)", head)
+    end = re.search(rb"[\r\n]end_header[ \t]*(\r\n|\n|\r|\Z)", head)
     if first is None or end is None:
         raise MalformedFile(
             "bad-header",
-            "a PLY file begins with a header from 'ply' to 'end_header'; it is cut off",
+            "a PLY file begins with a header from 'ply' to 'end_header', of "
+            f"{_LONGEST_HEADER} bytes at most; it is cut off or damaged",
         )
     body = end.end()
     if first[1] == b"\r" and end[1] == b"\r\n":
         body -= 1  # lines end in CR here: the LF is the first byte of the data
-    header = data[: end.start()].decode("latin-1")
+    header = head[: end.start()].decode("latin-1")
     return [words for line in header.splitlines() if (words := line.split())], body
 
 
@@ -95,44 +95,54 @@ def _elements(lines: list[list[str]], order: str | None) -> list[Element]:
     """The elements that the header declares, in the order of the body."""
     found: list[tuple[str, int, list[Field]]] = []
     for words in lines:
-        try:
-            match words:
-                case ["element", name, length]:
-                    found.append((name, _length(length), []))
-                case ["property", "list", count, item, name]:
-                    found[-1][2].append(Field(name, _dtype(item, order), _dtype(count, order)))
-                case ["property", item, name]:
-                    found[-1][2].append(Field(name, _dtype(item, order)))
-                case ["element" | "property", *_]:
-                    raise ValueError("wrong count of words")
-        except (ValueError, KeyError, IndexError) as error:
-            raise MalformedFile(
-                "bad-header", f"the header line {' '.join(words)!r} is not understood: {error}"
-            ) from error
+        match words:
+            case ["element", name, length] if _COUNT.fullmatch(length):
+                found.append((name, int(length), []))
+            case ["property", "list", count, item, name] if (
+                found and {count, item} <= _TYPES.keys()
+            ):
+                found[-1][2].append(Field(name, _dtype(item, order), _dtype(count, order)))
+            case ["property", item, name] if found and item in _TYPES:
+                found[-1][2].append(Field(name, _dtype(item, order)))
+            case ["element" | "property", *_]:
+                raise MalformedFile(
+                    "bad-header", f"the header line {quoted(' '.join(words))} makes no sense"
+                )
     return [Element(name, length, tuple(fields)) for name, length, fields in found]
 
 
-def _length(word: str) -> int:
-    length = int(word)
-    if length < 0:
-        raise ValueError("a count cannot be negative")
-    return length
-
-
 def _dtype(name: str, order: str | None) -> np.dtype:
-    dtype = np.dtype((order or "<") + _TYPES[name])
-    return dtype if order else _TEXT
+    return np.dtype(order + _TYPES[name]) if order else _TEXT
 
 
-def _corners(face: dict[str, Column], elements: list[Element]) -> Column:
+def _check_elements(elements: list[Element]) -> str | None:
+    """The name of the lists of vertex indices, None without faces; once the header makes sense."""
+    names = [element.name for element in elements]
+    if "tristrips" in names and "face" not in names:
+        raise MalformedFile(
+            "unsupported-feature",
+            "the faces are stored as triangle strips, which are not read; export with a face list",
+        )
+    if names.count("vertex") != 1 or names.count("face") > 1:
+        raise MalformedFile("bad-header", "the header must declare vertices once, and faces once")
+    vertex = elements[names.index("vertex")]
+    numbers = [field.name for field in vertex.fields if field.count is None]
+    missing = [axis for axis in "xyz" if numbers.count(axis) != 1]
+    if missing:
+        raise MalformedFile(
+            "bad-header", f"the vertex element has no one property {', '.join(missing)}"
+        )
+    if "face" not in names:
+        return None
+    return _corner_name(elements[names.index("face")])
+
+
+def _corner_name(face: Element) -> str:
     """The lists of vertex indices, by either of their names or as the only list there is."""
-    for name in _CORNER_NAMES:
-        if name in face:
-            return face[name]
-    fields = next(element.fields for element in elements if element.name == "face")
-    lists = [field.name for field in fields if field.count is not None]
-    if len(lists) == 1:
-        return face[lists[0]]
+    lists = [field.name for field in face.fields if field.count is not None]
+    known = [name for name in lists if name in _CORNER_NAMES] or lists
+    if len(known) == 1:
+        return known[0]
     raise MalformedFile(
-        "bad-header", f"the face element has no list property {' or '.join(_CORNER_NAMES)}"
+        "bad-header", f"the face element has no one list property {' or '.join(_CORNER_NAMES)}"
     )

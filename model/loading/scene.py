@@ -1,49 +1,51 @@
-"""Scenes through trimesh, which is given checked bytes and no way to reach others."""
+"""Scenes: parts that are placed, each maybe many times, to one list of triangles."""
 
-from collections.abc import Iterator
-from io import BytesIO
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
+from model.loading.limits import Limits
 from model.loading.triangles import Triangles, join
 
-if TYPE_CHECKING:
-    from trimesh import Scene
+Matrix = NDArray[np.float64]  # 4 x 4, of column vectors
 
 
-def open_scene(data: bytes, extension: str) -> "Scene":
-    """The scene in `data`; `extension` is trimesh's name of the format."""
-    # Lazily: importing trimesh takes long, and most formats do without.
-    import trimesh
-    from trimesh.resolvers import ZipResolver
+class Part(Protocol):
+    """Something with triangles, whose size is known before it is read."""
 
-    return trimesh.load_scene(
-        BytesIO(data),
-        file_type=extension,
-        # An empty archive: with None, trimesh would look for files beside the source.
-        resolver=ZipResolver({}),
-        process=False,
-        skip_materials=True,
-    )
+    @property
+    def vertex_count(self) -> int: ...
+
+    @property
+    def face_count(self) -> int: ...
+
+    def read(self) -> Triangles: ...
 
 
-def flatten(scene: "Scene") -> Triangles:
-    """All meshes of a scene where their nodes place them; curves and points are passed over."""
-    return join(_placed(scene))
+def flatten(placed: Sequence[tuple[Part, Matrix]], limits: Limits) -> Triangles:
+    """All parts where their matrices place them. Raises LimitExceeded before any is read."""
+    limits.check("geometries", len(placed))
+    limits.check("faces", sum(part.face_count for part, _ in placed))
+    limits.check("vertices", sum(part.vertex_count for part, _ in placed))
+    return join(_moved(part.read(), matrix) for part, matrix in placed)
 
 
-def _placed(scene: "Scene") -> Iterator[Triangles]:
-    for node in scene.graph.nodes_geometry:
-        matrix, name = scene.graph[node]
-        geometry = scene.geometry[name]
-        faces = getattr(geometry, "faces", None)
-        if faces is None:
-            continue
-        vertices = np.asarray(geometry.vertices, dtype=np.float64)
-        faces = np.asarray(faces, dtype=np.int64)
-        if not np.array_equal(matrix, np.eye(4)):
-            vertices = vertices @ matrix[:3, :3].T + matrix[:3, 3]
-        if np.linalg.det(matrix[:3, :3]) < 0:
-            faces = faces[:, ::-1]  # a mirror turns triangles inside out
-        yield vertices, faces
+def within(outer: Matrix, inner: Matrix) -> Matrix:
+    """The matrix of what `inner` places within what `outer` places."""
+    with np.errstate(over="ignore", invalid="ignore"):  # Mesh refuses what becomes infinite
+        return outer @ inner
+
+
+def _moved(triangles: Triangles, matrix: Matrix) -> Triangles:
+    if np.array_equal(matrix, np.eye(4)):
+        return triangles
+    vertices, faces = triangles
+    linear = matrix[:3, :3]
+    # What overflows becomes infinite, which Mesh refuses.
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        moved = vertices @ linear.T + matrix[:3, 3]
+        mirrored = np.linalg.det(linear / np.abs(linear).max(initial=1e-300)) < 0
+    # A mirror turns triangles inside out.
+    return moved, faces[:, ::-1] if mirrored else faces

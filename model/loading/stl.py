@@ -5,8 +5,9 @@ import re
 import numpy as np
 
 from model.errors import MalformedFile
-from model.loading.text import plain_text, points
-from model.loading.triangles import Triangles
+from model.loading.limits import Limits
+from model.loading.text import blocks, is_utf16, plain_text, points
+from model.loading.triangles import Pieces, Triangles, coordinates
 
 _HEADER = 84  # bytes: 80 of any content, then the count of triangles
 _RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
@@ -14,6 +15,7 @@ _RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribut
 _VERTEX = re.compile(rb"^[ \t]*vertex[ \t]+(.*)$", re.MULTILINE | re.IGNORECASE)
 _FACET = re.compile(rb"^[ \t]*facet\b", re.MULTILINE | re.IGNORECASE)
 _END = re.compile(rb"^[ \t]*end[ \t]?solid\b", re.MULTILINE | re.IGNORECASE)
+_NO_FACES = np.empty((0, 3), dtype=np.int64)
 
 
 def is_exact_binary(data: bytes) -> bool:
@@ -21,14 +23,17 @@ def is_exact_binary(data: bytes) -> bool:
     return len(data) >= _HEADER and _declared_length(data) == len(data)
 
 
-def read_stl(data: bytes) -> Triangles:
-    """The triangles of an STL file, three vertices of their own each. Raises MalformedFile."""
+def read_stl(data: bytes, limits: Limits) -> Triangles:
+    """The triangles of an STL file, three vertices of their own each.
+
+    Raises MalformedFile and LimitExceeded.
+    """
     # "solid" at the start says nothing, many binary files have it. The count does: as text, its
     # four bytes would declare a file of more than seven gigabytes.
     if len(data) >= _HEADER and _declared_length(data) <= len(data):
-        return _read_binary(data)
+        return _read_binary(data, limits)
     if _is_text(data):
-        return _read_ascii(data)
+        return _read_ascii(plain_text(data), limits)
     if len(data) < _HEADER:
         raise MalformedFile(
             "truncated",
@@ -43,21 +48,28 @@ def read_stl(data: bytes) -> Triangles:
     )
 
 
-def _read_binary(data: bytes) -> Triangles:
+def _read_binary(data: bytes, limits: Limits) -> Triangles:
     count = _declared_count(data)
+    limits.check("faces", count)
+    limits.check("vertices", 3 * count)
     records = np.frombuffer(data, dtype=_RECORD, count=count, offset=_HEADER)
-    vertices = records["corners"].reshape(-1, 3).astype(np.float64)
+    vertices = coordinates(records["corners"].reshape(-1, 3))
     return vertices, np.arange(3 * count).reshape(-1, 3)
 
 
-def _read_ascii(data: bytes) -> Triangles:
-    text = plain_text(data)
-    vertices = points(_VERTEX.findall(text), "vertex line")
-    facets = len(_FACET.findall(text))
-    if not _END.search(text):
+def _read_ascii(text: bytes, limits: Limits) -> Triangles:
+    pieces = Pieces(limits)
+    facets, ended = 0, False
+    for block in blocks(text, limits):
+        facets += len(_FACET.findall(block))
+        limits.check("faces", facets)
+        pieces.add(points(_VERTEX.findall(block), "vertex line"), _NO_FACES)
+        ended = ended or _END.search(block) is not None
+    if not ended:
         raise MalformedFile(
             "truncated", "the text ends without 'endsolid'; it is cut off, export it again"
         )
+    vertices, _ = pieces.joined()
     if len(vertices) != 3 * facets:
         raise MalformedFile(
             "bad-face",
@@ -77,4 +89,6 @@ def _declared_length(data: bytes) -> int:
 
 def _is_text(data: bytes) -> bool:
     start = data[:1024]
+    if is_utf16(data):
+        return True
     return b"solid" in start.lower() and b"\0" not in start.rstrip(b"\0")

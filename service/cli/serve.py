@@ -2,7 +2,7 @@
 
 import signal
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, get_origin
+from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin
 
 import click
 from pydantic.fields import FieldInfo
@@ -34,11 +34,15 @@ def _option(name: str, setting: FieldInfo) -> Callable[..., Any]:
 
 
 def _metavar(setting: FieldInfo) -> str:
+    if get_origin(setting.annotation) is Literal:
+        return "|".join(get_args(setting.annotation))
     return {int: "INTEGER", float: "NUMBER"}.get(setting.annotation, "TEXT")  # type: ignore[arg-type]
 
 
 def _default(setting: FieldInfo) -> str:
     default = setting.get_default(call_default_factory=True)
+    if default in (None, ()):
+        return "none"
     return ", ".join(default) if isinstance(default, tuple) else str(default)
 
 
@@ -55,9 +59,11 @@ def serve(**flags: Any) -> None:
     from service.classifier import SelfTestError
     from service.cli.shared import read_settings
     from service.http.server import run
+    from service.logs import configure_logs
     from service.workers import NotStarted
 
     settings = read_settings(flags)
+    configure_logs(settings.log_format)
     signal.signal(signal.SIGTERM, _stop)  # until the server takes over
     try:
         pool = _start_workers(settings)

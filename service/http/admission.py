@@ -25,7 +25,8 @@ class Full(Exception):
 
 
 class Admission:
-    """Counts the requests that wait or run and the bytes that are held for them.
+    """Counts the requests that wait or run, each mesh of a batch for one, and the bytes that are
+    held for them.
 
     patience: seconds that a request has; one that would wait longer is refused as it comes.
     clock: seconds, monotonic.
@@ -69,13 +70,13 @@ class Admission:
         """A request that arrived has its answer."""
         self._visitors -= 1
 
-    def enter(self) -> None:
-        """Count one request in, whose upload is complete. Raises Full."""
-        self._check()
-        self.requests += 1
+    def enter(self, count: int = 1) -> None:
+        """Count meshes in, whose upload is complete: all of them, or Full is raised."""
+        self._check(count)
+        self.requests += count
 
     def leave(self) -> None:
-        """Count one request out, which was answered."""
+        """Count one mesh out, which was answered."""
         self.requests -= 1
         if self.requests:
             self._answered.append(self._clock())
@@ -100,10 +101,10 @@ class Admission:
         since = self._clock() - self._answered[0]
         return self.requests * since / len(self._answered)
 
-    def _check(self) -> None:
-        """Raises Full where one more request would be too many."""
+    def _check(self, count: int = 1) -> None:
+        """Raises Full where so many more would be too many."""
         wait = self.wait()
-        if self.requests >= self._most_requests:
+        if self.requests + count > self._most_requests:
             raise Full(f"{self.requests} requests are waiting", self._retry_after(wait))
         if wait > self._patience:
             raise Full(f"a request waits {wait:.0f} s", self._retry_after(wait - self._patience))

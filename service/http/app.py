@@ -1,155 +1,78 @@
-"""The routes. All that they do is to hand bytes in and records out."""
+"""The app: the routes, and what a request passes on its way to them."""
 
 import importlib.metadata
-from dataclasses import asdict
+from typing import Any
 
-from fastapi import FastAPI, HTTPException, Query, Request, Response
-from fastapi.responses import JSONResponse
+from fastapi import FastAPI
+from starlette.middleware.cors import CORSMiddleware
 from starlette.types import ASGIApp
 
-from model.loading import FORMATS
-from service.evidence import FORMS, explained_class
-from service.evidence.records import ExplainedAnswer
 from service.http import page
 from service.http.admission import Admission
-from service.http.gate import Gate, RequestId
-from service.http.negotiation import preferred
-from service.http.problems import RESPONSES, install_problem_handlers
-from service.http.uploads import read_upload
-from service.http.waiting import result_of
-from service.records import Answer
+from service.http.description import INFERENCE_SCHEMAS
+from service.http.gate import Gate
+from service.http.keys import Keyed, describe_keys
+from service.http.metrics import Metrics
+from service.http.observing import Observed
+from service.http.probes import probe_routes
+from service.http.problems import install_problem_handlers
+from service.http.serving import Serving
+from service.http.v1 import v1_routes
+from service.http.v2 import v2_routes
 from service.settings import Settings
-from service.workers import Wanted, Work, WorkerPool
+from service.workers import WorkerPool
 
-# The body of POST /v1/classify, which is read by hand to bound it, as OpenAPI describes it.
-BINARY = {"schema": {"type": "string", "format": "binary"}}
-REQUEST_BODY = {
-    "required": True,
-    "content": {
-        "multipart/form-data": {
-            "schema": {
-                "type": "object",
-                "required": ["file"],
-                "properties": {"file": {"type": "string", "format": "binary"}},
-            }
-        },
-        "application/octet-stream": BINARY,
-        **{known.media_types[0]: BINARY for known in FORMATS.values()},
-    },
-}
-
-COLOURED = [form for form in FORMS.values() if form.media_type != "application/json"]
+# What a page of a named origin may send, and what it may see of an answer.
+CORS_REQUEST_HEADERS = (
+    *("authorization", "content-type", "inference-header-content-length"),
+    *("traceparent", "x-api-key"),
+)
+CORS_ANSWER_HEADERS = (
+    *("inference-header-content-length", "retry-after", "traceparent", "x-request-id"),
+)
 
 
 def create_app(pool: WorkerPool, admission: Admission, settings: Settings) -> ASGIApp:
     """The service over workers that are warm."""
-    app = FastAPI(
-        title="MeshConv3D",
-        summary="What is this 3D mesh?",
-        version=importlib.metadata.version("meshconv3d"),
-        # These pages would load their scripts from a public server.
-        docs_url=None,
-        redoc_url=None,
-        redirect_slashes=False,
-    )
-    install_problem_handlers(app)
-    default_model = next(iter(pool.models))
-
-    def served(name: str) -> dict:
-        """The card of a model that is served. Raises HTTPException."""
-        if name not in pool.models:
-            names = ", ".join(pool.models)
-            raise HTTPException(404, f"no model {name!r} is served here, but {names}")
-        return pool.models[name]
-
-    @app.post(
-        "/v1/classify",
-        response_model=Answer,
-        responses={s: RESPONSES[s] for s in (400, 404, 408, 413, 415, 422, 503, 504)},
-        openapi_extra={"requestBody": REQUEST_BODY},
-    )
-    async def classify(
-        request: Request,
-        model: str = Query(default_model, description="name of the model"),
-        top: int | None = Query(None, ge=1, description="only the N likeliest"),
-    ) -> Response:
-        """Classify one mesh: the form field `file`, or a raw body with a model media type."""
-        served(model)
-        upload = await read_upload(request)
-        work = Work(model, upload.content, upload.name, upload.declared, top)
-        expires = request.state.expires
-        record = await result_of(pool.submit(work, expires), expires, request)
-        return Response(record.content, media_type="application/json")
-
-    @app.post(
-        "/v1/explain",
-        response_model=ExplainedAnswer,
-        responses={
-            200: {"content": {form.media_type: BINARY for form in COLOURED}},
-            **{s: RESPONSES[s] for s in (400, 404, 406, 408, 413, 415, 422, 503, 504)},
-        },
-        openapi_extra={"requestBody": REQUEST_BODY},
-    )
-    async def explain(
-        request: Request,
-        model: str = Query(default_model, description="name of the model"),
-        class_: str | None = Query(
-            None, alias="class", description="class to explain; by default the likeliest"
-        ),
-    ) -> Response:
-        """Say what each face of one mesh adds to the score of a class.
-
-        The header Accept chooses: the mesh in colours, as GLB (the default) or PLY, or the numbers
-        as JSON.
-        """
-        config = served(model)["config"]
-        explained_class(config["classes"], config["pooling"], class_)
-        form = _acceptable_form(request)
-        upload = await read_upload(request)
-        wanted = Wanted(form, class_)
-        work = Work(model, upload.content, upload.name, upload.declared, wanted=wanted)
-        expires = request.state.expires
-        record = await result_of(pool.submit(work, expires), expires, request)
-        headers = {"vary": "accept"}
-        return Response(record.content, media_type=FORMS[form].media_type, headers=headers)
-
-    @app.get("/v1/limits")
-    async def limits() -> dict:
-        """The most that one upload may hold."""
-        return {"upload_bytes": settings.max_upload_bytes, **asdict(settings.limits)}
-
-    @app.get("/v1/models")
-    async def models() -> dict:
-        """The models that are served, each with its card; the first is the default."""
-        return {"models": list(pool.models.values())}
-
-    @app.get("/v1/models/{name}", responses={404: RESPONSES[404]})
-    async def model(name: str) -> dict:
-        """The card of one model."""
-        return served(name)
-
-    @app.api_route("/livez", methods=["GET", "HEAD"])
-    async def live() -> dict:
-        """The process runs."""
-        return {"status": "alive"}
-
-    not_ready: dict[int | str, dict] = {503: {"description": "Not ready."}}
-
-    @app.api_route("/readyz", methods=["GET", "HEAD"], responses=not_ready)
-    async def is_ready() -> JSONResponse:
-        """There is a worker that has classified a known mesh as expected, and work is taken."""
-        ready = pool.alive > 0 and admission.open
-        return JSONResponse({"status": "ready" if ready else "not ready"}, 200 if ready else 503)
-
-    app.include_router(page.router)
-    app.mount("/assets", page.Assets())
-    return RequestId(Gate(app, admission, settings))
+    serving = Serving(pool, admission, settings, Metrics(pool, admission))
+    routes = _Api(settings)
+    install_problem_handlers(routes)
+    for router in (v1_routes(serving), v2_routes(serving), probe_routes(serving), page.router):
+        routes.include_router(router)
+    routes.mount("/assets", page.Assets())
+    app: ASGIApp = Gate(routes, admission, settings)
+    if settings.api_keys:
+        app = Keyed(app, settings.api_keys)
+    if settings.cors_origins:
+        app = CORSMiddleware(
+            app,
+            allow_origins=settings.cors_origins,
+            allow_methods=("GET", "POST"),
+            allow_headers=CORS_REQUEST_HEADERS,
+            expose_headers=CORS_ANSWER_HEADERS,
+        )
+    return Observed(app, routes, serving.metrics)
 
 
-def _acceptable_form(request: Request) -> str:
-    """The form that the request would like best. Raises HTTPException."""
-    by_type = {form.media_type: name for name, form in FORMS.items()}
-    media_type = preferred(request.headers.get("accept", ""), list(by_type))
-    if media_type is None:
-        raise HTTPException(406, f"explanations come as {', '.join(by_type)}")
-    return by_type[media_type]
+class _Api(FastAPI):
+    """The routes, and their description."""
+
+    def __init__(self, settings: Settings) -> None:
+        super().__init__(
+            title="MeshConv3D",
+            summary="What is this 3D mesh?",
+            version=importlib.metadata.version("meshconv3d"),
+            # These pages would load their scripts from a public server.
+            docs_url=None,
+            redoc_url=None,
+            redirect_slashes=False,
+        )
+        self._keyed = bool(settings.api_keys)
+
+    def openapi(self) -> dict[str, Any]:
+        if self.openapi_schema is None:
+            description = super().openapi()  # which it keeps
+            description["components"]["schemas"] |= INFERENCE_SCHEMAS
+            if self._keyed:
+                describe_keys(description)
+        return super().openapi()

@@ -1,44 +1,24 @@
-"""What every request passes first: it gets a name, and if it brings work, bounds."""
+"""What every request that brings work passes first, and what bounds it."""
 
 import asyncio
 import time
-import uuid
+from concurrent.futures import Future
 
 from starlette.requests import Request
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from service.http.admission import Admission, Full
+from service.http.notes import Notes
 from service.http.problems import UploadTooLarge, UploadTooSlow, full
 from service.settings import Settings
-
-
-class RequestId:
-    """ASGI middleware: give each request an id, which its answer and its log lines carry."""
-
-    def __init__(self, app: ASGIApp) -> None:
-        self.app = app
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] != "http":
-            await self.app(scope, receive, send)
-            return
-        name = uuid.uuid4().hex
-        scope.setdefault("state", {})["request_id"] = name
-        header = (b"x-request-id", name.encode())
-
-        async def named_send(message: Message) -> None:
-            if message["type"] == "http.response.start":
-                message["headers"] = [*message["headers"], header]
-            await send(message)
-
-        await self.app(scope, receive, named_send)
+from service.workers import Record
 
 
 class Gate:
     """ASGI middleware: bound what a POST may bring, all that are under way together, and its time.
 
     A request counts as work once its body is there, so that a slow upload takes no one's place;
-    its bytes count as they come. `request.state.expires` is its deadline, on the monotonic clock.
+    its bytes count as they come. `request.state.visit` is its `Visit`.
     """
 
     def __init__(self, app: ASGIApp, admission: Admission, settings: Settings) -> None:
@@ -56,35 +36,41 @@ class Gate:
             response = await full(Request(scope), error)
             await response(scope, receive, send)
             return
-        visit = _Visit(scope, receive, self.admission, self.settings)
-        scope["state"]["expires"] = visit.expires
+        visit = Visit(scope, receive, self.admission, self.settings)
+        scope["state"]["visit"] = visit
         try:
             await self.app(scope, visit.receive, send)
         finally:
             visit.end()
 
 
-class _Visit:
-    """One request on its way through the gate."""
+class Visit:
+    """One request on its way through the gate.
+
+    expires: its deadline, on the monotonic clock. futures: the work that it has in the pool.
+    """
 
     def __init__(
         self, scope: Scope, receive: Receive, admission: Admission, settings: Settings
     ) -> None:
-        self.expires = time.monotonic() + settings.deadline_seconds
+        self._began = time.monotonic()
+        self.expires = self._began + settings.deadline_seconds
         self._receive = receive
         self._admission = admission
         self._settings = settings
         self._limit = settings.max_upload_bytes
         self._claimed = dict(scope["headers"]).get(b"content-length", b"0")
-        self._held = 0
-        self._entered = False
+        self._notes: Notes = scope["state"]["notes"]
+        self.futures: list[Future[Record]] = []
+        self._complete = False
+        self._meshes = 0
 
     async def receive(self) -> Message:
         """The next message of the body, unless there is a reason to stop reading.
 
         Raises UploadTooLarge, UploadTooSlow or Full.
         """
-        if self._entered:
+        if self._complete:
             return await self._receive()
         if self._claimed.isdigit() and int(self._claimed) > self._limit:
             raise UploadTooLarge(self._limit)  # without waiting for any of it
@@ -95,17 +81,33 @@ class _Visit:
             raise UploadTooSlow(self._settings.deadline_seconds) from None
         count = len(message.get("body", b""))
         self._admission.hold(count)
-        self._held += count
-        if self._held > self._limit:
+        self._notes.received += count
+        if self._notes.received > self._limit:
             raise UploadTooLarge(self._limit)
         if message["type"] == "http.request" and not message.get("more_body", False):
-            self._admission.enter()
-            self._entered = True
+            self._complete = True
+            self._notes.stages.append(("upload", time.monotonic() - self._began))
+            self.take_on(1)
         return message
 
+    def take_on(self, count: int) -> None:
+        """Count so many meshes in: one for a complete body, then what more there is in it.
+
+        Raises Full.
+        """
+        self._admission.enter(count)
+        self._meshes += count
+
+    def finish(self) -> None:
+        """Count one mesh out, which has its answer."""
+        self._admission.leave()
+        self._meshes -= 1
+
     def end(self) -> None:
-        """Give back what the request held."""
-        self._admission.release(self._held)
-        if self._entered:
-            self._admission.leave()
+        """Give back what the request held, and take back what it no longer waits for."""
+        for future in self.futures:
+            future.cancel()
+        self._admission.release(self._notes.received)
+        while self._meshes:
+            self.finish()
         self._admission.depart()

@@ -9,7 +9,7 @@ from starlette.types import Message, Receive, Scope, Send
 
 from model.loading import FORMATS
 from model.samples import sample_paths
-from service.http.problems import RESPONSES
+from service.http.description import problems
 
 # Built from `page/`; every file in `assets` has a name that changes with its content.
 BUILT = Path(__file__).parents[1] / "page"
@@ -42,7 +42,7 @@ async def page() -> FileResponse:
     return FileResponse(BUILT / "index.html", headers={**HEADERS, "cache-control": "no-cache"})
 
 
-@router.get("/v1/samples")
+@router.get("/v1/samples", responses=problems(401))
 async def samples() -> dict:
     """The sample meshes in the package, one of each class that they show."""
     return {
@@ -53,7 +53,7 @@ async def samples() -> dict:
     }
 
 
-@router.get("/v1/samples/{file}", responses={404: RESPONSES[404]}, response_class=FileResponse)
+@router.get("/v1/samples/{file}", responses=problems(401, 404), response_class=FileResponse)
 async def sample(file: str) -> FileResponse:
     """One sample mesh."""
     found = {path.name: path for path in sample_paths().values()}

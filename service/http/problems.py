@@ -13,6 +13,8 @@ from starlette.requests import ClientDisconnect
 from model.errors import LimitExceeded, MalformedFile, MeshError, UnknownFormat, UnusableMesh
 from service.evidence import NotExplained
 from service.http.admission import Full
+from service.http.notes import notes_of
+from service.records import Reason
 from service.workers import DeadlineExceeded
 
 PROBLEM_JSON = "application/problem+json"
@@ -25,15 +27,37 @@ STATUSES: dict[type[MeshError], HTTPStatus] = {
 }
 
 
-class UploadTooLarge(Exception):
+class TooLarge(Exception):
+    """A request that brings more than is taken. fault: a slug; limit: what it is over."""
+
+    def __init__(self, fault: str, limit: int, message: str) -> None:
+        super().__init__(message)
+        self.fault = fault
+        self.limit = limit
+
+
+class UploadTooLarge(TooLarge):
     """A request body over the limit, in bytes."""
 
     def __init__(self, limit: int) -> None:
         super().__init__(
+            "body-too-large",
+            limit,
             f"the request body is larger than {limit} bytes; simplify the mesh or send a "
-            "binary format (STL, PLY, GLB)"
+            "binary format (STL, PLY, GLB)",
         )
-        self.limit = limit
+
+
+class TooManyMeshes(TooLarge):
+    """A request with more meshes than one may bring."""
+
+    def __init__(self, limit: int) -> None:
+        super().__init__(
+            "too-many-meshes",
+            limit,
+            f"the request brings more meshes than are taken here, which is {limit}; split it up, "
+            "or see /v1/classify/batch",
+        )
 
 
 class UploadTooSlow(Exception):
@@ -55,26 +79,6 @@ class Problem(BaseModel):
     limit: int | None = Field(None, description="the limit that was hit, if one was")
 
 
-# For the API's description: which statuses answer with a problem document.
-RESPONSES: dict[int | str, dict] = {
-    status: {
-        "description": description,
-        "content": {PROBLEM_JSON: {"schema": Problem.model_json_schema()}},
-    }
-    for status, description in {
-        400: "The request or the file is malformed.",
-        404: "There is no such thing here.",
-        406: "There is no form that the client accepts.",
-        408: "The body did not arrive in time.",
-        413: "The body is larger, or the file holds more, than the service accepts.",
-        415: "The format is not one that is read, or contradicts the content.",
-        422: "The file holds no mesh that can be classified, or cannot be read within bounds.",
-        503: "There is too much to do; the header Retry-After says when to try again.",
-        504: "There was no answer in time.",
-    }.items()
-}
-
-
 def install_problem_handlers(app: FastAPI) -> None:
     """Answer every error of the app, its own and the framework's, with a problem document."""
 
@@ -87,10 +91,10 @@ def install_problem_handlers(app: FastAPI) -> None:
     async def not_explained(request: Request, error: NotExplained) -> JSONResponse:
         return problem(request, HTTPStatus.NOT_FOUND, error.fault, str(error))
 
-    @app.exception_handler(UploadTooLarge)
-    async def too_large(request: Request, error: UploadTooLarge) -> JSONResponse:
+    @app.exception_handler(TooLarge)
+    async def too_large(request: Request, error: TooLarge) -> JSONResponse:
         status = HTTPStatus.REQUEST_ENTITY_TOO_LARGE
-        return problem(request, status, "body-too-large", str(error), error.limit)
+        return problem(request, status, error.fault, str(error), error.limit)
 
     @app.exception_handler(UploadTooSlow)
     async def too_slow(request: Request, error: UploadTooSlow) -> JSONResponse:
@@ -104,8 +108,8 @@ def install_problem_handlers(app: FastAPI) -> None:
 
     @app.exception_handler(DeadlineExceeded)
     async def too_late(request: Request, error: DeadlineExceeded) -> JSONResponse:
-        detail = "there was no answer within the deadline; simplify the mesh, or try again later"
-        return problem(request, HTTPStatus.GATEWAY_TIMEOUT, "deadline", detail)
+        why = reason(error)
+        return problem(request, HTTPStatus.GATEWAY_TIMEOUT, why.fault, why.message)
 
     @app.exception_handler(RequestValidationError)
     async def invalid(request: Request, error: RequestValidationError) -> JSONResponse:
@@ -121,19 +125,34 @@ def install_problem_handlers(app: FastAPI) -> None:
 
     @app.exception_handler(ClientDisconnect)
     async def gone(request: Request, error: ClientDisconnect) -> Response:
+        notes_of(request).fault = "client-gone"
         return Response(status_code=HTTPStatus.BAD_REQUEST)  # nobody is there to read it
 
     @app.exception_handler(Exception)
     async def unforeseen(request: Request, error: Exception) -> JSONResponse:
-        # The server logs the traceback; the client gets the id to ask about it.
-        detail = "the service failed on this request; report it with the request id"
-        return problem(request, HTTPStatus.INTERNAL_SERVER_ERROR, "internal", detail)
+        # The log has the traceback; the client gets the id to ask about it.
+        why = reason(error)
+        return problem(request, HTTPStatus.INTERNAL_SERVER_ERROR, why.fault, why.message)
+
+
+def reason(error: Exception) -> Reason:
+    """Why a mesh could not be classified, whichever error says so."""
+    if isinstance(error, MeshError):
+        return Reason(fault=error.fault, message=str(error))
+    if isinstance(error, Full):
+        return Reason(fault="full", message=str(error))
+    if isinstance(error, DeadlineExceeded):
+        message = "there was no answer within the deadline; simplify the mesh, or try again later"
+        return Reason(fault="deadline", message=message)
+    message = "the service failed on this request; report it with the request id"
+    return Reason(fault="internal", message=message)
 
 
 async def full(request: Request, error: Full) -> JSONResponse:
     """The answer to what is refused because there is too much to do, after a pause."""
     await asyncio.sleep(error.pause)
-    response = problem(request, HTTPStatus.SERVICE_UNAVAILABLE, "full", str(error))
+    why = reason(error)
+    response = problem(request, HTTPStatus.SERVICE_UNAVAILABLE, why.fault, why.message)
     response.headers["retry-after"] = str(error.retry_after)
     return response
 
@@ -141,13 +160,17 @@ async def full(request: Request, error: Full) -> JSONResponse:
 def problem(
     request: Request, status: HTTPStatus, fault: str, detail: str, limit: int | None = None
 ) -> JSONResponse:
-    """One problem document as a response."""
+    """One problem as a response: a problem document, or what the inference protocol wants."""
+    notes = notes_of(request)
+    notes.fault = fault
+    if _is_of_inference_protocol(request):
+        return JSONResponse({"error": detail}, status)
     document = Problem(
         title=status.phrase,
         status=status,
         detail=detail,
         fault=fault,
-        request_id=request.state.request_id,
+        request_id=notes.request_id,
         limit=limit,
     )
     return JSONResponse(
@@ -155,3 +178,7 @@ def problem(
         status,
         media_type=PROBLEM_JSON,
     )
+
+
+def _is_of_inference_protocol(request: Request) -> bool:
+    return f"{request.scope['path']}/".startswith("/v2/")

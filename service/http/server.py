@@ -1,19 +1,21 @@
 """The app under uvicorn, which ends without losing what it accepted."""
 
-import copy
 import gc
+import logging
 import math
 import time
 from types import FrameType
 
 import uvicorn
-import uvicorn.config
 
 from service.http.admission import Admission
 from service.http.app import create_app
 from service.http.connections import bounded_connection
+from service.http.headers import SECURITY_HEADERS
 from service.settings import Settings
 from service.workers import WorkerPool
+
+log = logging.getLogger(__name__)
 
 # The app answers at the deadline; the connection is closed only where that did not end it.
 CONNECTION_MARGIN = 2.0
@@ -26,8 +28,6 @@ def run(settings: Settings, pool: WorkerPool) -> None:
     admission = Admission(
         settings.max_queue_requests, settings.max_queue_bytes, settings.deadline_seconds
     )
-    logs = copy.deepcopy(uvicorn.config.LOGGING_CONFIG)
-    logs["handlers"]["access"]["stream"] = "ext://sys.stderr"
     config = uvicorn.Config(
         create_app(pool, admission, settings),
         host=settings.host,
@@ -38,10 +38,18 @@ def run(settings: Settings, pool: WorkerPool) -> None:
         timeout_keep_alive=KEEP_ALIVE_SECONDS,
         limit_concurrency=settings.max_connections,
         server_header=False,
-        log_config=logs,
+        headers=SECURITY_HEADERS,
+        log_config=None,
+        access_log=False,  # `observing` says more of each request
+    )
+    log.info(
+        "serving %s with %d workers",
+        *(", ".join(pool.models), settings.workers),
+        extra={"models": {name: card["sha256"] for name, card in pool.models.items()}},
     )
     gc.freeze()  # what is there by now stays: it need not be gone through again and again
     _Server(config, admission, settings.grace_seconds).run()
+    log.info("stopped")
 
 
 class _Server(uvicorn.Server):

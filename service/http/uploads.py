@@ -4,11 +4,12 @@ from dataclasses import dataclass
 from pathlib import PurePath
 
 from fastapi import Request
-from starlette.datastructures import UploadFile
+from starlette.datastructures import FormData, UploadFile
 from starlette.formparsers import MultiPartException, MultiPartParser
 
 from model.errors import MalformedFile, UnknownFormat
 from model.loading import FORMATS
+from service.http.problems import TooManyMeshes
 
 MULTIPART = "multipart/form-data"
 # Types that say nothing of the format: the name, if any, and the content decide.
@@ -33,22 +34,18 @@ class Upload:
 async def read_upload(request: Request) -> Upload:
     """The mesh in a request: the multipart field `file`, or a raw body with a media type.
 
-    Raises MalformedFile for a form without that field, UnknownFormat for another media type or
-    an encoding.
+    Raises MalformedFile for a form without that field, TooManyMeshes for several, UnknownFormat
+    for another media type or an encoding.
     """
-    encoding = request.headers.get("content-encoding", "identity").lower()
-    if encoding != "identity":
-        raise UnknownFormat(
-            "unknown-encoding", f"content encoding {encoding!r} is not read; send the mesh as it is"
-        )
-    media_type = request.headers.get("content-type", "").partition(";")[0].strip().lower()
+    media_type = _media_type(request)
     if media_type == MULTIPART:
-        return await _read_form(request)
+        [upload] = _uploads(await _read_form(request, 1))
+        return upload
     if media_type in OPAQUE_TYPES:
-        return Upload(await request.body(), None, None)
+        return Upload(await read_body(request), None, None)
     for extension, known in FORMATS.items():
         if media_type in known.media_types:
-            return Upload(await request.body(), None, extension)
+            return Upload(await read_body(request), None, extension)
     accepted = ", ".join(known.media_types[0] for known in FORMATS.values())
     raise UnknownFormat(
         "unknown-media-type",
@@ -57,23 +54,62 @@ async def read_upload(request: Request) -> Upload:
     )
 
 
+async def read_body(request: Request) -> bytes:
+    """The body of a request as it is. Raises UnknownFormat for an encoding."""
+    _refuse_encoding(request)
+    return await request.body()
+
+
+def _media_type(request: Request) -> str:
+    return request.headers.get("content-type", "").partition(";")[0].strip().lower()
+
+
+def _refuse_encoding(request: Request) -> None:
+    encoding = request.headers.get("content-encoding", "identity").lower()
+    if encoding != "identity":
+        raise UnknownFormat(
+            "unknown-encoding", f"content encoding {encoding!r} is not read; send the mesh as it is"
+        )
+
+
+async def read_uploads(request: Request, most: int) -> list[Upload]:
+    """The meshes in a form: every multipart field `file`, in order, up to so many.
+
+    Raises as `read_upload`, and TooManyMeshes.
+    """
+    if _media_type(request) != MULTIPART:
+        raise UnknownFormat(
+            "unknown-media-type", "several meshes come as a form with one field 'file' for each"
+        )
+    return _uploads(await _read_form(request, most))
+
+
 class _FormParser(MultiPartParser):
     """Keeps files in memory: they are bounded, and a service may have no disk to write to."""
 
     spool_max_size = 0  # no limit
 
 
-async def _read_form(request: Request) -> Upload:
+async def _read_form(request: Request, most: int) -> FormData:
+    _refuse_encoding(request)
     try:
-        parser = _FormParser(request.headers, request.stream(), max_files=1, max_fields=10)
-        form = await parser.parse()
+        parser = _FormParser(request.headers, request.stream(), max_files=most, max_fields=10)
+        return await parser.parse()
     except MultiPartException as error:
+        if error.message.startswith("Too many files"):
+            raise TooManyMeshes(most) from None
         raise MalformedFile("bad-request", error.message) from None
-    file = form.get("file")
-    if not isinstance(file, UploadFile):
+
+
+def _uploads(form: FormData) -> list[Upload]:
+    files = [field for field in form.getlist("file") if isinstance(field, UploadFile)]
+    if not files:
         raise MalformedFile(
             "no-file-field", "the form has no file in the field 'file': curl -F file=@mesh.obj"
         )
-    name = file.filename or ""
+    names = [file.filename or "" for file in files]
     # A name without an extension declares no format: the content decides, as for a path.
-    return Upload(file.file.read(), name or None, PurePath(name).suffix or None)
+    return [
+        Upload(file.file.read(), name or None, PurePath(name).suffix or None)
+        for file, name in zip(files, names, strict=True)
+    ]

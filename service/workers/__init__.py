@@ -6,7 +6,7 @@ them work. None of it knows of HTTP.
 """
 
 from service.workers.pool import WorkerPool
-from service.workers.tasks import Record, Setup, Wanted, Work
+from service.workers.tasks import Record, Setup, TaskFailed, Wanted, Work
 from service.workers.worker import DeadlineExceeded, NotStarted
 
 __all__ = [
@@ -14,6 +14,7 @@ __all__ = [
     "NotStarted",
     "Record",
     "Setup",
+    "TaskFailed",
     "Wanted",
     "Work",
     "WorkerPool",

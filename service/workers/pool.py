@@ -1,8 +1,10 @@
 """Workers that are kept alive and warm, and handed one mesh at a time, in order."""
 
+import dataclasses
 import logging
 import queue
 import threading
+import time
 from concurrent.futures import Future
 from typing import Any
 
@@ -23,6 +25,7 @@ class _Job:
 
     def __init__(self, work: Work, expires: float) -> None:
         self.work: Work | None = work
+        self.queued = time.perf_counter()
         self.expires = expires
         self.future: Future[Record] = Future()
         self.future.add_done_callback(self._forget)
@@ -62,9 +65,9 @@ class WorkerPool:
     def submit(self, work: Work, expires: float) -> Future[Record]:
         """Queue one mesh, to be classified by `expires` on the monotonic clock.
 
-        The future gives a record, or raises MeshError, DeadlineExceeded or TaskFailed. Work that
-        waits can be cancelled, and is forgotten at once; what runs, runs on to its deadline: to
-        end it costs more than to finish it.
+        The future gives a record, with `queue` among its timings, or raises MeshError,
+        DeadlineExceeded or TaskFailed. Work that waits can be cancelled, and is forgotten at once;
+        what runs, runs on to its deadline: to end it costs more than to finish it.
         """
         job = _Job(work, expires)
         self._jobs.put(job)
@@ -136,12 +139,14 @@ class _Seat(threading.Thread):
             return
         work = job.work
         assert work is not None
+        waited = round((time.perf_counter() - job.queued) * 1000, 3)
         try:
             record = self._classify(work, job.expires, worker)
         except Exception as error:
             job.future.set_exception(error)
         else:
-            job.future.set_result(record)
+            timings = {"queue": waited, **record.timings_ms}
+            job.future.set_result(dataclasses.replace(record, timings_ms=timings))
 
     def _classify(self, work: Work, expires: float, worker: Worker) -> Record:
         """Give a worker that died before it began one successor; see `Worker.classify`."""
@@ -161,6 +166,7 @@ class _Seat(threading.Thread):
             try:
                 worker = Worker(self._setup)
                 self.restarts += 1
+                log.warning("a worker ended, and another has taken its place")
             except Exception as error:
                 log.error("a worker does not start, which is tried again: %s", error)
                 self.closing.wait(RETRY_SECONDS)

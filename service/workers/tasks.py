@@ -10,9 +10,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from model.errors import MeshError, UnusableMesh
 from model.loading import Limits
-from service.classifier import Classifier
+from service.classifier import Classification, Classifier
 from service.evidence import FORMS, explain
 from service.models import ModelFile
 from service.records import answer
@@ -53,15 +56,25 @@ class Wanted:
 
 @dataclass(frozen=True)
 class Record:
-    """The bytes of an answer, an `Answer` in JSON or an explanation, and how long each stage
-    took, in milliseconds."""
+    """What leaves, and what else is to be known of it.
+
+    content: an `Answer` in JSON, or an explanation in its form. timings_ms: how long each stage
+    took, in milliseconds.
+
+    scores, probabilities: N_c float32, in the order of the model's classes; label: the likeliest;
+    unknown: None for a model without a limit.
+    """
 
     content: bytes
     timings_ms: dict[str, float]
+    label: str
+    unknown: bool | None
+    scores: NDArray[np.float32]
+    probabilities: NDArray[np.float32]
 
 
 class TaskFailed(Exception):
-    """A task failed in a way that nobody foresaw; the message is the traceback."""
+    """A task failed in a way that nobody foresaw; the message says where, and quotes no file."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +111,7 @@ def classify(work: Work) -> Record:
     """
     limit_cpu(_worker.setup.seconds)
     try:
-        return _record(work, _worker.classifiers[work.model])
+        result, content = _answer(work, _worker.classifiers[work.model])
     except MeshError as error:
         # A reader takes whatever goes wrong in it for a damaged file.
         if isinstance(error.__cause__, MemoryError):
@@ -106,19 +119,32 @@ def classify(work: Work) -> Record:
         raise
     except MemoryError:
         raise _too_much_memory() from None
-    except Exception:
+    except Exception as error:
         # Some exceptions of libraries cannot be rebuilt on the other side.
-        raise TaskFailed(traceback.format_exc()) from None
+        raise TaskFailed(_where(error)) from None
+    return Record(
+        content,
+        result.timings_ms,
+        result.label,
+        result.unknown,
+        result.scores,
+        result.probabilities.astype(np.float32),
+    )
 
 
-def _record(work: Work, classifier: Classifier) -> Record:
+def _answer(work: Work, classifier: Classifier) -> tuple[Classification, bytes]:
+    """The result of a mesh, and the bytes that leave."""
     if work.wanted is not None:
         found = explain(classifier, work.content, work.declared, work.wanted.label)
-        content = FORMS[work.wanted.form].write(work.file, found)
-        return Record(content, found.classification.timings_ms)
+        return found.classification, FORMS[work.wanted.form].write(work.file, found)
     result = classifier.classify(work.content, work.declared)
-    content = answer(work.file, result, work.top).model_dump_json(by_alias=True).encode()
-    return Record(content, result.timings_ms)
+    return result, answer(work.file, result, work.top).model_dump_json(by_alias=True).encode()
+
+
+def _where(error: Exception) -> str:
+    """The kind of an error and its traceback. Its message may quote the file, and is left out."""
+    places = traceback.format_tb(error.__traceback__)
+    return "".join([type(error).__qualname__, "\n", *places])
 
 
 def _too_much_memory() -> UnusableMesh:

@@ -49,6 +49,7 @@ CONFIGS = {
         "absolute_offsets": True,
         "surroundings": True,
         "readout": "mean-peak",
+        "dropout": 0.3,
     },
     "four levels": {"channels": (8, 8, 12, 12), "targets": (400, 300, 200, 50)},
     "learned pooling": {"pooling": "learned"},

@@ -6,7 +6,13 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from model.layers import PatchConvolution, gather_mean, gather_rows, patch_statistics
+from model.layers import (
+    PatchConvolution,
+    gather_mean,
+    gather_rows,
+    patch_statistics,
+    spread_peaks,
+)
 from model.topology import Surface
 from tests.meshes import cube
 from tests.surfaces import triangles
@@ -78,3 +84,27 @@ def test_the_order_of_a_patch_does_not_matter_but_its_centre_does():
     turned = torch.cat([patches[:, :1], patches[:, 1:].flip(1)], dim=1)
     assert torch.allclose(layer(features, patches), layer(features, turned), atol=1e-6)
     assert not torch.allclose(layer(features, patches), layer(features.roll(1, 0), patches))
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_peaks_are_means_weighed_by_the_third_power_and_sum_up_by_face(seed):
+    rng = np.random.default_rng(seed)
+    counts = rng.integers(1, 7, 3)
+    features = random_features(counts.sum(), seed=seed).clamp(min=0) * 3
+    ends = np.cumsum(counts)
+    meshes = [np.arange(end - count, end) + 1 for end, count in zip(ends, counts, strict=True)]
+    index = torch.from_numpy(np.stack([np.pad(mesh, (0, 6 - len(mesh))) for mesh in meshes]))
+    spread = spread_peaks(features, index)
+    assert spread.shape == features.shape
+    for mesh, peak in zip(meshes, gather_mean(spread, index), strict=True):
+        own = features[mesh - 1]
+        expected = (own**4).sum(dim=0) / ((own**3).sum(dim=0) + 1e-6 * len(mesh))
+        assert torch.allclose(peak, expected)
+        assert (peak <= own.amax(dim=0) + 1e-9).all()
+        assert (peak >= own.mean(dim=0) - 1e-2).all()
+
+
+def test_peaks_of_faces_that_are_alike_are_shared():
+    features = torch.tensor([[2.0, 0.0], [2.0, 0.0], [0.0, 0.0]])
+    spread = spread_peaks(features, torch.tensor([[1, 2, 3]]))
+    assert torch.allclose(spread, torch.tensor([[3.0, 0.0], [3.0, 0.0], [0.0, 0.0]]))

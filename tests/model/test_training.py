@@ -23,6 +23,7 @@ CONFIG = NetworkConfig(
     channels=(8, 12, 16),
     targets=(60, 40, 20),
     descriptor_hidden=16,
+    dropout=0.2,
     descriptor_channels=8,
 )
 TRAINING = TrainingConfig(epochs=4, batch_size=6, learning_rate=0.02)

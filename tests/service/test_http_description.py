@@ -43,7 +43,10 @@ def test_both_request_forms_are_described(client: httpx.Client) -> None:
 
 def test_problems_are_described_as_they_come(client: httpx.Client) -> None:
     responses = operation(client)["responses"]
-    assert set(responses) == {"200", *["400", "404", "408", "413", "415", "422", "503", "504"]}
+    assert set(responses) == {
+        "200",
+        *["400", "401", "404", "408", "413", "415", "422", "503", "504"],
+    }
     problem = client.post("/v1/classify", content=b"").json()
     for status in set(responses) - {"200"}:
         (media_type,) = responses[status]["content"]

@@ -84,7 +84,8 @@ def test_a_form_without_the_file(client: httpx.Client, form: dict) -> None:
 
 def test_a_form_with_two_files(client: httpx.Client) -> None:
     files = [("file", ("a.obj", b"v 0 0 0")), ("file", ("b.obj", b"v 0 0 0"))]
-    problem_of(client.post("/v1/classify", files=files), 400)
+    problem = problem_of(client.post("/v1/classify", files=files), 413)
+    assert (problem["fault"], problem["limit"]) == ("too-many-meshes", 1)
 
 
 def test_a_form_whose_name_contradicts_the_content(client: httpx.Client, meshes: Path) -> None:
@@ -149,7 +150,7 @@ class FailingPool(WorkerPool):
     def __init__(self) -> None:
         setup = Setup((), Limits(), memory_bytes=0, seconds=1.0)
         super().__init__(setup, workers=0)
-        self.models = {"any": {"name": "any"}}
+        self.models = {"any": {"name": "any", "sha256": "0" * 64}}
 
     def submit(self, work: Work, expires: float) -> Future[Record]:
         future: Future[Record] = Future()

@@ -119,7 +119,8 @@ def test_the_help_and_the_docs_list_every_setting() -> None:
     text = meshconv3d("serve", "--help").stdout
     table = OPERATIONS.read_text(encoding="utf-8")
     for name, setting in Settings.model_fields.items():
-        flag = "--model" if name == "models" else "--" + name.replace("_", "-")
+        several = isinstance(setting.get_default(call_default_factory=True), tuple)
+        flag = "--" + (name.removesuffix("s") if several else name).replace("_", "-")
         assert re.search(rf"^  {flag} ", text, re.MULTILINE), name
         row = rf"^\| `MESHCONV3D_{name.upper()}` \|.*\| {re.escape(setting.description or '?')} \|$"
         assert re.search(row, table, re.MULTILINE), name

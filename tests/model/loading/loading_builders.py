@@ -4,6 +4,7 @@ import base64
 import json
 import struct
 import zipfile
+from collections.abc import Mapping
 from io import BytesIO
 from typing import Any
 
@@ -108,7 +109,10 @@ def gltf_document(indices=None, mode=4) -> tuple[dict, bytes]:
 
 
 def pack_glb(document: dict, data: bytes) -> bytes:
-    text = json.dumps(document).encode()
+    return pack_glb_text(json.dumps(document).encode(), data)
+
+
+def pack_glb_text(text: bytes, data: bytes) -> bytes:
     text += b" " * (-len(text) % 4)
     data += b"\0" * (-len(data) % 4)
     chunks = struct.pack("<I4s", len(text), b"JSON") + text
@@ -148,7 +152,7 @@ def model_xml(objects: str, items: str = '<item objectid="1"/>', unit="millimete
     )
 
 
-def threemf(parts: dict[str, str] | None = None) -> bytes:
+def threemf(parts: Mapping[str, str | bytes] | None = None) -> bytes:
     stream = BytesIO()
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as package:
         for name, text in (parts or {"3D/3dmodel.model": model_xml(mesh_xml())}).items():

@@ -1,5 +1,7 @@
 """3MF: components, the production extension, and numbers that are none."""
 
+import re
+
 import loading_builders as build
 import pytest
 
@@ -78,6 +80,27 @@ def test_the_root_part_is_the_one_that_the_package_names():
     box = build.model_xml(build.mesh_xml(), unit="inch")
     parts = {"_rels/.rels": relation, "Models/Box.model": box, "photo.png": "none"}
     assert build.is_box(load_mesh(build.threemf(parts)))
+
+
+def test_elements_of_extensions_are_not_taken_for_the_core():
+    slices = (
+        '<s:slicestack xmlns:s="http://schemas.microsoft.com/3dmanufacturing/slice/2015/07" id="9">'
+        '<s:slice><s:vertices><s:vertex x="0" y="0"/></s:vertices></s:slice></s:slicestack>'
+    )
+    assert build.is_box(
+        load_mesh(build.threemf({ROOT: build.model_xml(build.mesh_xml() + slices)}))
+    )
+
+
+def test_prefixes_and_encodings_are_those_of_the_text():
+    model = build.model_xml(build.mesh_xml()).replace("xmlns=", "xmlns:core=")
+    model = re.sub(r"(</?)(\w+)", r"\1core:\2", model)
+    assert "<core:vertex " in model
+    for encoding in ("utf-8", "utf-8-sig", "utf-16"):
+        assert build.is_box(load_mesh(build.threemf({ROOT: model.encode(encoding)})))
+    named = model.replace('"1.0"?', '"1.0" encoding="ISO-8859-1"?')
+    named = named.replace("<core:object ", '<core:object name="caf\xe9" ')
+    assert build.is_box(load_mesh(build.threemf({ROOT: named.encode("latin-1")})))
 
 
 def test_what_the_build_does_not_place_is_not_loaded():

@@ -80,12 +80,12 @@ def test_several_primitives_keep_their_place():
     assert mesh.vertices[:, 2].min() == 9
 
 
-def test_strips_are_read_and_fans_refused():
-    quads = load(*build.gltf_document([0, 1, 2, 3], mode=5))
-    assert len(quads.faces) == 2
-    assert build.area(quads) == pytest.approx(2)
-    with pytest.raises(MalformedFile, match="fans"):
-        load(*build.gltf_document([0, 1, 3, 2], mode=6))
+@pytest.mark.parametrize(("mode", "corners"), [(5, [0, 1, 2, 3]), (6, [0, 1, 3, 2])])
+def test_strips_and_fans_are_wound_alike(mode, corners):
+    square = load(*build.gltf_document(corners, mode=mode))
+    assert len(square.faces) == 2
+    a, b, c = (square.vertices[square.faces[:, corner]] for corner in range(3))
+    assert np.cross(b - a, c - a).tolist() == [[0, 0, 2], [0, 0, 2]]
 
 
 def test_interleaved_and_quantized_positions():

@@ -1,0 +1,95 @@
+"""What all routes share: the models, and the way of mesh files to their records."""
+
+from collections.abc import AsyncIterator, Awaitable, Sequence
+from concurrent.futures import Future
+from dataclasses import dataclass
+from typing import Any
+
+from fastapi import HTTPException, Request
+from starlette.requests import ClientDisconnect
+
+from service.http.admission import Admission, Full
+from service.http.gate import Visit
+from service.http.metrics import Metrics
+from service.http.notes import notes_of
+from service.http.problems import reason
+from service.http.waiting import result_of
+from service.settings import Settings
+from service.workers import Record, Work, WorkerPool
+
+# A mesh's record, or why it has none.
+Outcome = Record | Exception
+
+
+@dataclass(frozen=True)
+class Serving:
+    """One app's workers, queue, settings and counters."""
+
+    pool: WorkerPool
+    admission: Admission
+    settings: Settings
+    metrics: Metrics
+
+    @property
+    def ready(self) -> bool:
+        """Whether there is a worker that gave a known mesh its scores, and work is taken."""
+        return self.pool.alive > 0 and self.admission.open
+
+    @property
+    def default_model(self) -> str:
+        """The name of the first model."""
+        return next(iter(self.pool.models))
+
+    def card(self, name: str) -> dict[str, Any]:
+        """The card of a model that is served. Raises HTTPException."""
+        if name not in self.pool.models:
+            names = ", ".join(self.pool.models)
+            raise HTTPException(404, f"no model {name!r} is served here, but {names}")
+        return self.pool.models[name]
+
+    async def record(self, request: Request, work: Work) -> Record:
+        """Classify the one mesh of a request. Raises what `WorkerPool.submit` says, or Full."""
+        futures = await self.submit(request, [work])
+        [outcome] = [outcome async for outcome in self.outcomes(request, futures)]
+        if isinstance(outcome, Exception):
+            raise outcome
+        return outcome
+
+    async def submit(self, request: Request, works: Sequence[Work]) -> list[Future[Record]]:
+        """Queue all meshes of a request. What has not begun when it ends is taken back.
+
+        Raises Full, and then none is queued.
+        """
+        visit: Visit = request.state.visit
+        visit.take_on(len(works) - 1)
+        for work in works:
+            await notes_of(request).add_content(work.content)
+        visit.futures += [self.pool.submit(work, visit.expires) for work in works]
+        return visit.futures
+
+    async def outcomes(
+        self, request: Request, futures: Sequence[Future[Record]]
+    ) -> AsyncIterator[Outcome]:
+        """What became of each mesh that was queued, in order. Raises ClientDisconnect."""
+        visit: Visit = request.state.visit
+        notes = notes_of(request)
+        outcome: Outcome | None = None
+        for future in futures:
+            if not isinstance(outcome, Full):  # the service ends: no more will come
+                outcome = await _outcome(result_of(future, visit.expires, request))
+            visit.finish()
+            if isinstance(outcome, Exception):
+                notes.outcomes.append(reason(outcome).fault)
+            else:
+                notes.outcomes.append("")
+                notes.stages += [(s, ms / 1000) for s, ms in outcome.timings_ms.items()]
+            yield outcome
+
+
+async def _outcome(record: Awaitable[Record]) -> Outcome:
+    try:
+        return await record
+    except ClientDisconnect:
+        raise
+    except Exception as error:
+        return error

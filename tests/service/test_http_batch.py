@@ -1,0 +1,185 @@
+"""POST /v1/classify/batch on a running service: several files, a line for each, in order."""
+
+import json
+import time
+from collections.abc import Callable, MutableMapping
+from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import anyio
+import httpx
+import numpy as np
+import pytest
+
+from model.loading import Limits
+from model.samples import sample_paths
+from service.http.admission import Admission
+from service.http.app import create_app
+from service.settings import Settings
+from service.workers import Record, Setup, Work, WorkerPool
+from tests.processes import held, until, workers
+from tests.service.conftest import Service
+from tests.service.test_http_problems import problem_of
+
+MOST = 3
+NOTHING = np.zeros(1, np.float32)
+
+
+@pytest.fixture(scope="module")
+def narrow(start: Callable[..., Service]) -> Service:
+    """One worker, and few meshes in a request."""
+    return start("--workers", "1", "--max-batch-meshes", str(MOST), "--deadline-seconds", "4")
+
+
+def form(*files: tuple[str, bytes]) -> list:
+    return [("file", file) for file in files]
+
+
+def lines_of(response: httpx.Response) -> list[dict]:
+    assert response.status_code == 200, response.text
+    assert response.headers["content-type"] == "application/x-ndjson"
+    return [json.loads(line) for line in response.text.splitlines()]
+
+
+def queue(service: Service) -> int:
+    """How many meshes wait or run."""
+    metrics = httpx.get(f"{service.url}/metrics").text
+    return int(float(metrics.partition("\nmeshconv3d_queue_meshes ")[2].split()[0]))
+
+
+def test_lines_are_the_records_of_the_files_in_order(client: httpx.Client) -> None:
+    paths = sorted(sample_paths().values(), key=lambda path: path.stat().st_size)[:4] * 2
+    files = form(*((path.name, path.read_bytes()) for path in paths))
+    lines = lines_of(client.post("/v1/classify/batch", files=files))
+    alone = {
+        path.name: client.post("/v1/classify", files=[file]).json()
+        for path, file in zip(paths, files, strict=True)
+    }
+    assert [line["file"] for line in lines] == [path.name for path in paths]
+    for line in lines:
+        assert line | {"timings_ms": 0} == alone[line["file"]] | {"timings_ms": 0}
+
+
+def test_a_bad_file_costs_its_own_line(client: httpx.Client, meshes: Path) -> None:
+    ring = (meshes / "ring.obj").read_bytes()
+    files = form(("a.obj", ring), ("b.obj", b"v 0 0 0\n"), ("c.stl", ring), ("d.obj", ring))
+    first, *refused, last = lines_of(client.post("/v1/classify/batch?top=1", files=files))
+    assert (first["file"], last["file"]) == ("a.obj", "d.obj")
+    assert len(last["scores"]) == 1
+    faults = [(line["file"], line["error"]["fault"]) for line in refused]
+    assert faults == [("b.obj", "no-faces"), ("c.stl", "format-mismatch")]
+
+
+def test_a_batch_of_one(client: httpx.Client, meshes: Path) -> None:
+    ring = (meshes / "ring.obj").read_bytes()
+    (line,) = lines_of(client.post("/v1/classify/batch", files=form(("ring.obj", ring))))
+    assert line["mesh"]["faces_in"] == 500
+
+
+def test_what_is_no_batch(client: httpx.Client) -> None:
+    url = "/v1/classify/batch"
+    raw = client.post(url, content=b"v 0 0 0", headers={"content-type": "model/obj"})
+    assert problem_of(raw, 415)["fault"] == "unknown-media-type"
+    other = client.post(url, files={"mesh": ("a.obj", b"v 0 0 0")})
+    assert problem_of(other, 400)["fault"] == "no-file-field"
+    missing = client.post(f"{url}?model=other", files=form(("a.obj", b"v")))
+    assert problem_of(missing, 404)["fault"] == "not-found"
+
+
+def test_files_are_bounded(narrow: Service, meshes: Path) -> None:
+    ring = (meshes / "ring.obj").read_bytes()
+    url = f"{narrow.url}/v1/classify/batch"
+    assert len(lines_of(httpx.post(url, files=form(*[("a.obj", ring)] * MOST)))) == MOST
+    for count in (MOST + 1, 40):
+        problem = problem_of(httpx.post(url, files=form(*[("a.obj", ring)] * count)), 413)
+        assert (problem["fault"], problem["limit"]) == ("too-many-meshes", MOST)
+
+
+def test_a_batch_that_finds_no_place_is_refused_whole(
+    start: Callable[..., Service], meshes: Path
+) -> None:
+    ring = (meshes / "ring.obj").read_bytes()
+    service = start("--workers", "1", "--max-queue-requests", "3")
+    with ThreadPoolExecutor() as pool, held(workers(service.process.pid)):
+        alone = pool.submit(httpx.post, f"{service.url}/v1/classify", content=ring, timeout=60)
+        until(lambda: queue(service) == 1)
+        files = form(*[("a.obj", ring)] * 3)
+        refused = httpx.post(f"{service.url}/v1/classify/batch", files=files, timeout=60)
+        assert problem_of(refused, 503)["fault"] == "full"
+        assert int(refused.headers["retry-after"]) >= 1
+        assert queue(service) == 1
+    assert alone.result().status_code == 200
+
+
+class PatientPool(WorkerPool):
+    """A pool of no workers, whose answers the test gives."""
+
+    def __init__(self) -> None:
+        super().__init__(Setup((), Limits(), memory_bytes=0, seconds=1.0), workers=0)
+        self.models = {"any": {"name": "any", "sha256": "0" * 64}}
+        self.futures: list[Future[Record]] = []
+
+    def submit(self, work: Work, expires: float) -> Future[Record]:
+        self.futures.append(Future())
+        return self.futures[-1]
+
+
+def test_lines_leave_as_soon_as_they_and_those_before_are_done() -> None:
+    pool = PatientPool()
+    app = create_app(pool, Admission(9, 9999, 9.0), Settings())
+    request = httpx.Request(
+        "POST", "http://any/v1/classify/batch", files=form(*[("a.obj", b"v")] * 3)
+    )
+    body = anyio.Event()
+    sent: list[bytes] = []
+
+    async def receive() -> dict:
+        if body.is_set():
+            await anyio.sleep_forever()
+        body.set()
+        return {"type": "http.request", "body": request.read()}
+
+    async def send(message: MutableMapping[str, Any]) -> None:
+        sent.append(message.get("body", b""))
+
+    async def ask(scope: dict[str, Any]) -> None:
+        await app(scope, receive, send)
+
+    async def play() -> None:
+        headers = [(name.lower(), value) for name, value in request.headers.raw]
+        scope = {"type": "http", "method": "POST", "path": request.url.path, "headers": headers}
+        async with anyio.create_task_group() as group:
+            group.start_soon(ask, scope | {"query_string": b""})
+            for done, expected in ((1, b""), (0, b"0\n1\n"), (2, b"0\n1\n2\n")):
+                while len(pool.futures) < 3:
+                    await anyio.sleep(0.01)
+                record = Record(b"%d" % done, {}, "any", None, NOTHING, NOTHING)
+                pool.futures[done].set_result(record)
+                await anyio.sleep(0.6)  # longer than anyone looks away
+                assert b"".join(sent) == expected
+
+    anyio.run(play)
+
+
+def test_the_deadline_is_that_of_the_whole_batch(narrow: Service, meshes: Path) -> None:
+    ring = (meshes / "ring.obj").read_bytes()
+    files = form(*[("a.obj", ring)] * MOST)
+    with held(workers(narrow.process.pid)):
+        response = httpx.post(f"{narrow.url}/v1/classify/batch", files=files, timeout=60)
+    assert [line["error"]["fault"] for line in lines_of(response)] == ["deadline"] * MOST
+
+
+def test_who_leaves_takes_back_what_has_not_begun(narrow: Service, meshes: Path) -> None:
+    ring = (meshes / "ring.obj").read_bytes()
+    until(lambda: httpx.get(f"{narrow.url}/readyz").status_code == 200)
+    files = form(*[("a.obj", ring)] * MOST)
+    with held(workers(narrow.process.pid)):
+        started = time.monotonic()
+        with pytest.raises(httpx.ReadTimeout):
+            httpx.post(f"{narrow.url}/v1/classify/batch", files=files, timeout=1)
+        until(lambda: queue(narrow) == 0)
+        assert time.monotonic() - started < 4  # before the deadline
+    until(lambda: httpx.get(f"{narrow.url}/readyz").status_code == 200)
+    assert httpx.post(f"{narrow.url}/v1/classify", content=ring).status_code == 200
+    assert "Traceback" not in narrow.log.read_text()
