@@ -28,8 +28,6 @@ HEADERS = {
             "frame-ancestors 'none'",
         )
     ),
-    "x-content-type-options": "nosniff",
-    "referrer-policy": "no-referrer",
     "cross-origin-opener-policy": "same-origin",
 }
 
