@@ -3,9 +3,11 @@
 Strict-Transport-Security is not among them: who ends TLS in front of the service says that.
 """
 
-# An answer of the API is data: it loads nothing, and stands in nobody's frame.
 SECURITY_HEADERS: list[tuple[str, str]] = [
     ("x-content-type-options", "nosniff"),
     ("referrer-policy", "no-referrer"),
-    ("content-security-policy", "default-src 'none'; frame-ancestors 'none'"),
 ]
+
+# An answer of the API is data: it loads nothing, and stands in nobody's frame. Browsers obey all
+# policies that an answer carries, so that only what has none of its own, as the page has, gets it.
+DATA_POLICY = (b"content-security-policy", b"default-src 'none'; frame-ancestors 'none'")

@@ -8,6 +8,7 @@ from starlette.datastructures import Headers
 from starlette.routing import Match
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from service.http.headers import DATA_POLICY
 from service.http.metrics import Metrics
 from service.http.notes import Notes
 
@@ -46,6 +47,8 @@ class Observed:
             if message["type"] == "http.response.start":
                 status = message["status"]
                 message["headers"] = [*message["headers"], *headers]
+                if DATA_POLICY[0] not in dict(message["headers"]):
+                    message["headers"].append(DATA_POLICY)
             await send(message)
 
         try:
