@@ -94,7 +94,7 @@ def warm_up(setup: Setup) -> list[dict[str, Any]]:
     Returns what each model says of itself. Raises ModelFileError or SelfTestError.
     """
     global _worker
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)  # as in `origin`; pebble has set its own
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)  # as in `origin`
     classifiers = [Classifier(file.open(), setup.limits) for file in setup.models]
     for classifier in classifiers:
         classifier.self_test()
@@ -115,10 +115,10 @@ def classify(work: Work) -> Record:
     except MeshError as error:
         # A reader takes whatever goes wrong in it for a damaged file.
         if isinstance(error.__cause__, MemoryError):
-            raise _too_much_memory() from None
+            raise too_much_memory() from None
         raise
     except MemoryError:
-        raise _too_much_memory() from None
+        raise too_much_memory() from None
     except Exception as error:
         # Some exceptions of libraries cannot be rebuilt on the other side.
         raise TaskFailed(_where(error)) from None
@@ -147,7 +147,8 @@ def _where(error: Exception) -> str:
     return "".join([type(error).__qualname__, "\n", *places])
 
 
-def _too_much_memory() -> UnusableMesh:
+def too_much_memory() -> UnusableMesh:
+    """What is wrong with a file that takes more than a worker may have."""
     return UnusableMesh(
         "too-much-memory",
         f"reading this file takes more than the {_worker.setup.memory_bytes} bytes of memory "

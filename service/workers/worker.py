@@ -1,23 +1,23 @@
 """One worker process, behind calls that wait for it."""
 
+import ctypes
 import multiprocessing
 import os
 import threading
 import time
-from concurrent.futures.process import BrokenProcessPool
 from multiprocessing.context import ForkServerContext
 from typing import Any
 
-import pebble
-
 from model.errors import UnusableMesh
-from service.workers.tasks import Record, Setup, Work, classify, warm_up
+from service.workers.process import run
+from service.workers.tasks import Record, Setup, Work
 
 # Compiling the kernels, where no compiled ones are at hand, takes ten seconds.
 WARM_UP_SECONDS = 300.0
-
-# A worker has nothing to clean up, and one that hangs in compiled code would not hear a request.
-pebble.CONSTS.term_timeout = 0.0
+# A pipe takes this much at once; to hand over more can take as long as the worker likes.
+HANDED_AT_ONCE = 32 * 1024
+# How long the system may take to tell how a process ended.
+EXIT_SECONDS = 1.0
 
 
 class DeadlineExceeded(Exception):
@@ -31,8 +31,9 @@ class NotStarted(Exception):
 class Worker:
     """A process that has warmed up; it ends when a file crashes it or overruns its deadline.
 
-    It is a pool of one: the workers of one pebble pool share a pipe and its locks, and one that is
-    killed while it holds them takes the others with it.
+    Libraries of process pools hand work on through threads and locks of their own, which costs as
+    much as the rest of a request, and share pipes that one killed worker breaks for all. Here each
+    worker has a pipe to the one thread that waits for it.
 
     models: what each model says of itself. `alive`: whether it can be given work.
     """
@@ -43,12 +44,18 @@ class Worker:
         Raises ModelFileError or SelfTestError for a model that cannot serve, NotStarted where the
         process does not live to tell.
         """
+        context = _context()
         self._ended = False
-        self._pool = pebble.ProcessPool(max_workers=1, context=_context())
-        warming = self._pool.schedule(warm_up, args=(setup,))
+        self._pipe, theirs = context.Pipe()
+        self._sent = 0
+        self._begun = context.RawValue(ctypes.c_uint64)
+        arguments = (theirs, self._begun, setup)
+        self._process = context.Process(target=run, args=arguments, daemon=True)
+        self._process.start()
+        theirs.close()
         try:
-            self.models: list[dict[str, Any]] = warming.result(WARM_UP_SECONDS)
-        except (pebble.ProcessExpired, BrokenProcessPool, TimeoutError) as error:
+            self.models: list[dict[str, Any]] = self._answer(WARM_UP_SECONDS)
+        except (EOFError, OSError) as error:  # of which TimeoutError is one
             self.end()
             raise NotStarted(f"a worker process does not start: {error}") from None
         except BaseException:
@@ -57,7 +64,7 @@ class Worker:
 
     @property
     def alive(self) -> bool:
-        return not self._ended and self._pool.active
+        return not self._ended and self._process.is_alive()
 
     def classify(self, work: Work, expires: float) -> Record:
         """Classify one mesh, by `expires` on the monotonic clock.
@@ -67,32 +74,46 @@ class Worker:
         left = expires - time.monotonic()
         if left <= 0:
             raise DeadlineExceeded
+        watch = threading.Timer(left, self._process.kill)
+        if len(work.content) > HANDED_AT_ONCE:
+            watch.start()
+        self._sent += 1
         try:
-            running = self._pool.schedule(classify, args=(work,))
-        except RuntimeError:
-            raise NotStarted from None
-        try:
-            # Not pebble's own timeout, which begins once the worker says that it has begun.
-            return running.result(left)
-        except BrokenProcessPool:
-            raise NotStarted from None
+            self._pipe.send(work)
+            return self._answer(expires - time.monotonic())
         except TimeoutError:
             self.end()
             raise DeadlineExceeded from None
-        except pebble.ProcessExpired as expired:
+        except (EOFError, OSError):
             self.end()
-            code = expired.exitcode
-            how = f"signal {-code}" if code < 0 else f"exit code {code}"
-            raise crashed(how) from None
+            if time.monotonic() >= expires:
+                raise DeadlineExceeded from None
+            if self._begun.value < self._sent:
+                raise NotStarted from None
+            raise crashed(self._how_it_ended()) from None
+        finally:
+            watch.cancel()
+
+    def _answer(self, seconds: float) -> Any:
+        """The next answer. Raises the error that it is, TimeoutError, or EOFError or OSError."""
+        if not self._pipe.poll(max(seconds, 0.0)):
+            raise TimeoutError
+        error, value = self._pipe.recv()
+        if error is not None:
+            raise error
+        return value
+
+    def _how_it_ended(self) -> str:
+        self._process.join(EXIT_SECONDS)
+        code = self._process.exitcode
+        return f"signal {-code}" if code is not None and code < 0 else f"exit code {code}"
 
     def end(self) -> None:
         """Kill the process, whatever it does."""
-        if self._ended:
-            return
-        self._ended = True
-        self._pool.stop()
-        # Not waited for: after a kill in the middle of a message, the pipe may never end.
-        threading.Thread(target=self._pool.join, daemon=True).start()
+        if not self._ended:
+            self._ended = True
+            self._process.kill()
+            self._pipe.close()
 
 
 def _context() -> ForkServerContext:

@@ -71,7 +71,8 @@ def test_the_table_says_so(strict: Path) -> None:
 
 def test_the_service_says_so(start: Callable, strict: Path) -> None:
     service = start("--model", strict)
-    reply = httpx.post(f"{service.url}/v1/classify", files={"file": SAMPLE.read_bytes()})
+    url = f"{service.url}/v1/classify?model=some"
+    reply = httpx.post(url, files={"file": SAMPLE.read_bytes()})
     assert reply.json()["unknown"] is True
     card = httpx.get(f"{service.url}/v1/models/some").json()
     assert card["calibration"]["novelty_limit"] == -1e9
