@@ -71,8 +71,10 @@ def serve(**flags: Any) -> None:
         raise click.UsageError(str(error)) from None
     except NotStarted as error:
         raise click.ClickException(str(error)) from None
-    run(settings, pool)
-    pool.stop()
+    try:
+        run(settings, pool)
+    finally:
+        pool.stop()
 
 
 def _start_workers(settings: Settings) -> "WorkerPool":

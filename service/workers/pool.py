@@ -84,9 +84,9 @@ class WorkerPool:
         return sum(seat.restarts for seat in self._seats)
 
     def stop(self) -> None:
-        """End all workers, each after what it runs."""
+        """End all workers at once, whatever they run."""
         for seat in self._seats:
-            seat.closing.set()
+            seat.close()
             self._jobs.put(None)
 
 
@@ -116,6 +116,12 @@ class _Seat(threading.Thread):
     @property
     def alive(self) -> bool:
         return self._worker is not None and self._worker.alive
+
+    def close(self) -> None:
+        """Take no more work, and lose what the worker has in hand."""
+        self.closing.set()
+        if self._worker is not None:
+            self._worker.kill()
 
     def run(self) -> None:
         try:

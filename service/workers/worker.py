@@ -108,11 +108,15 @@ class Worker:
         code = self._process.exitcode
         return f"signal {-code}" if code is not None and code < 0 else f"exit code {code}"
 
+    def kill(self) -> None:
+        """Kill the process, whatever it does. From any thread: whoever waits for it is told."""
+        self._process.kill()
+
     def end(self) -> None:
-        """Kill the process, whatever it does."""
+        """Kill the process, and give its pipe back."""
         if not self._ended:
             self._ended = True
-            self._process.kill()
+            self.kill()
             self._pipe.close()
 
 

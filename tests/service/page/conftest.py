@@ -19,7 +19,8 @@ NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
 expect.set_options(timeout=60_000)
 
 
-@pytest.fixture(scope="session")
+# Not for the whole session: while Playwright runs, no other event loop can, in this thread.
+@pytest.fixture(scope="package")
 def chromium() -> Iterator[tuple[Playwright, str]]:
     """Playwright, and the program of a Chromium: the system's, or one that Playwright installed."""
     with sync_playwright() as playwright:
@@ -33,7 +34,7 @@ def chromium() -> Iterator[tuple[Playwright, str]]:
     pytest.skip(reason)
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def browser(chromium: tuple[Playwright, str]) -> Iterator[Browser]:
     playwright, program = chromium
     running = playwright.chromium.launch(executable_path=program, args=SOFTWARE)
