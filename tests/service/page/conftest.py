@@ -20,7 +20,7 @@ expect.set_options(timeout=60_000)
 
 
 # Not for the whole session: while Playwright runs, no other event loop can, in this thread.
-@pytest.fixture(scope="package")
+@pytest.fixture(scope="module")
 def chromium() -> Iterator[tuple[Playwright, str]]:
     """Playwright, and the program of a Chromium: the system's, or one that Playwright installed."""
     with sync_playwright() as playwright:
@@ -34,7 +34,7 @@ def chromium() -> Iterator[tuple[Playwright, str]]:
     pytest.skip(reason)
 
 
-@pytest.fixture(scope="package")
+@pytest.fixture(scope="module")
 def browser(chromium: tuple[Playwright, str]) -> Iterator[Browser]:
     playwright, program = chromium
     running = playwright.chromium.launch(executable_path=program, args=SOFTWARE)
