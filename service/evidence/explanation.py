@@ -3,6 +3,7 @@
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,7 +50,11 @@ class Explanation:
         """Its score, a logit."""
         return float(self.classification.scores[self.class_index])
 
-    @property
+    @cached_property
+    def _areas(self) -> NDArray[np.float64]:
+        return face_areas(self.mesh.vertices, self.mesh.faces)
+
+    @cached_property
     def densities(self) -> NDArray[np.float64]:
         """Contributions by area, F float64: what the score would be, less the bias, if all of
         the surface said what this face says.
@@ -58,15 +63,15 @@ class Explanation:
         important as the whole. The mean of the densities over the surface is the score less the
         bias.
         """
-        areas = face_areas(self.mesh.vertices, self.mesh.faces)
-        return self.contributions / np.maximum(areas / areas.sum(), LEAST_AREA)
+        shares = self._areas / self._areas.sum()
+        return self.contributions / np.maximum(shares, LEAST_AREA)
 
-    @property
+    @cached_property
     def limit(self) -> float:
         """The density of the last colours: SHOWN_SHARE of the surface is not beyond it."""
         sizes = np.abs(self.densities)
         order = np.argsort(sizes)
-        covered = np.cumsum(face_areas(self.mesh.vertices, self.mesh.faces)[order])
+        covered = np.cumsum(self._areas[order])
         return float(sizes[order][np.searchsorted(covered, SHOWN_SHARE * covered[-1])])
 
 

@@ -74,12 +74,9 @@ class Worker:
         left = expires - time.monotonic()
         if left <= 0:
             raise DeadlineExceeded
-        watch = threading.Timer(left, self._process.kill)
-        if len(work.content) > HANDED_AT_ONCE:
-            watch.start()
         self._sent += 1
         try:
-            self._pipe.send(work)
+            self._hand_over(work, left)
             return self._answer(expires - time.monotonic())
         except TimeoutError:
             self.end()
@@ -91,6 +88,16 @@ class Worker:
             if self._begun.value < self._sent:
                 raise NotStarted from None
             raise crashed(self._how_it_ended()) from None
+
+    def _hand_over(self, work: Work, seconds: float) -> None:
+        """Send work to the process, which is killed if it does not take it in time."""
+        if len(work.content) <= HANDED_AT_ONCE:
+            self._pipe.send(work)
+            return
+        watch = threading.Timer(seconds, self._process.kill)
+        watch.start()
+        try:
+            self._pipe.send(work)
         finally:
             watch.cancel()
 
