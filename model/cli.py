@@ -77,6 +77,14 @@ def _read_settings(
     help="Varied copies of each training mesh: other triangles, noise, holes.",
 )
 @click.option(
+    "--bend",
+    type=click.FloatRange(0, 1),
+    default=0.0,
+    show_default=True,
+    help="How far random waves bend meshes in training, as the slope of the waves; for things "
+    "whose proportions tell nothing, 0.25 or so.",
+)
+@click.option(
     "--hold-out",
     type=click.FloatRange(0, 0.5),
     default=0.125,
@@ -95,6 +103,7 @@ def train(
     epochs: int,
     batch_size: int,
     copies: int,
+    bend: float,
     hold_out: float,
     seed: int,
     device: str,
@@ -109,6 +118,7 @@ def train(
     import torch
 
     from model import splits
+    from model.augmentation import Augmentation
     from model.checkpoint import save_checkpoint
     from model.config import preset
     from model.curves import draw_curves
@@ -127,7 +137,13 @@ def train(
         config = preset(preset_name, class_names(samples), settings)
     except ValueError as error:
         raise click.UsageError(f"--set: {error}") from None
-    training = TrainingConfig(seed=seed, epochs=epochs, batch_size=batch_size, copies=copies)
+    training = TrainingConfig(
+        seed=seed,
+        epochs=epochs,
+        batch_size=batch_size,
+        copies=copies,
+        augmentation=Augmentation(bend=bend),
+    )
     parts = {split: _load(samples, split, config, training) for split in SPLITS}
     versions = parts["train"].versions
     if len(versions) < batch_size:

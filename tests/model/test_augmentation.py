@@ -68,3 +68,17 @@ def test_each_movement_moves_and_its_generator_decides_how(config, change):
     assert (one == same).all()
     assert np.abs(one - other).max() > 1e-3
     assert np.abs(one - sample.inputs.terms).max() > 1e-3
+
+
+def test_a_bend_changes_the_distances_that_a_rotation_keeps(of_file):
+    sample = labelled(lopsided(), of_file)
+
+    def spread(bend: float) -> float:
+        """How much the distances between successive centroids vary over twenty copies."""
+        aug, seeds = replace(STILL, bend=bend), range(20)
+        copies = [aug.apply(sample, of_file, np.random.default_rng(seed)) for seed in seeds]
+        steps = [np.linalg.norm(np.diff(c.terms[:, 9:12], axis=0), axis=1) for c in copies]
+        return float(np.mean(np.std(steps, axis=0) / np.mean(steps, axis=0)))
+
+    assert spread(0) < 1e-4
+    assert 0.02 < spread(0.1) < spread(0.3) < 0.6
