@@ -24,6 +24,9 @@ from service.models import DEFAULT_MODEL, Model, open_model
 # largest: rounding moves them by 1e-6, another triangulation of the sample by more than this.
 SELF_TEST_TOLERANCE = 1e-2
 
+# Of which the times are taken, in order.
+STAGES = ("read", "prepare", "topology", "infer")
+
 Source = str | os.PathLike[str] | tuple[bytes, str | None]
 Result = TypeVar("Result")
 

@@ -1,5 +1,7 @@
 """The one form in which results leave: the lines of the command line, the answers over HTTP."""
 
+import os
+
 from pydantic import BaseModel, Field
 
 from model.errors import MeshError
@@ -84,6 +86,11 @@ def answer(file: str | None, result: Classification, top: int | None = None) -> 
 def model_id(result: Classification) -> ModelId:
     """Which model gave a result."""
     return ModelId(name=result.model.card.name, sha256=result.model.sha256)
+
+
+def readable(file: str) -> str:
+    """A file name as text; bytes that are no UTF-8, which JSON cannot hold, are replaced."""
+    return os.fsencode(file).decode(errors="replace")
 
 
 def refusal(file: str | None, error: MeshError | OSError) -> Refusal:

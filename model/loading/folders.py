@@ -2,6 +2,7 @@
 
 import logging
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 from model.loading.formats import FORMATS
@@ -10,10 +11,43 @@ log = logging.getLogger(__name__)
 
 
 def find_meshes(folder: Path) -> list[Path]:
-    """Every file under `folder` whose extension is one that is read, sorted by path.
+    """Every file that `walk_meshes` finds."""
+    return list(walk_meshes(folder))
 
-    A subfolder that cannot be listed is logged and passed over.
+
+def walk_meshes(folder: Path) -> Iterator[Path]:
+    """The files under `folder` whose extension is one that is read, one by one, sorted by path.
+
+    At a time, the names in one folder and in those above it are held. A subfolder that cannot be
+    listed is logged and passed over. Links to folders are not followed; what is no file, such as
+    a pipe, is left out, but not a link that leads nowhere.
     """
-    walk = os.walk(folder, onerror=lambda error: log.warning("passed over: %s", error))
-    files = (Path(place, name) for place, _, names in walk for name in names)
-    return sorted(file for file in files if file.suffix.lower().lstrip(".") in FORMATS)
+    levels = [_listed(folder)]
+    while levels:
+        for entry in levels[-1]:
+            if entry.is_dir(follow_symlinks=False):
+                levels.append(_listed(Path(entry.path)))
+                break
+            if has_mesh_name(entry.name) and _is_file(entry):
+                yield Path(entry.path)
+        else:
+            levels.pop()
+
+
+def _listed(folder: Path) -> Iterator[os.DirEntry[str]]:
+    try:
+        with os.scandir(folder) as found:
+            return iter(sorted(found, key=lambda entry: entry.name))
+    except OSError as error:
+        log.warning("passed over: %s", error)
+        return iter(())
+
+
+def has_mesh_name(name: str) -> bool:
+    """Whether the extension of a file's name is one that is read."""
+    return os.path.splitext(name)[1].lower().lstrip(".") in FORMATS
+
+
+def _is_file(entry: os.DirEntry[str]) -> bool:
+    leads_nowhere = entry.is_symlink() and not os.path.exists(entry)
+    return entry.is_file() or leads_nowhere

@@ -1,20 +1,19 @@
 """`meshconv3d classify`: files and folders in, a record for each file out."""
 
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from service.cli.explain import explain_all
-from service.cli.shared import STDIN, load_classifier
-from service.cli.terminal import readable, shown, with_progress
+from service.cli.shared import read_settings
 
 if TYPE_CHECKING:
-    from model.errors import MeshError
-    from service.classifier import Classification
-    from service.records import Answer, Refusal
+    from service.batch.listing import Listing
+    from service.batch.targets import Target
+    from service.cli.sinks import Sink
+    from service.cli.watching import Watch
 
 # The class and its runner-up: with more, the table outgrows a terminal of 80 columns.
 TABLE_TOP = 2
@@ -26,6 +25,26 @@ TABLE_TOP = 2
 @click.option("--top", type=click.IntRange(1), help="Only the N likeliest classes of each.")
 @click.option("--json", "as_json", is_flag=True, help="JSON Lines, as when the output is piped.")
 @click.option("--format", "declared", help="Format of the mesh on standard input, such as stl.")
+@click.option(
+    "--include",
+    multiple=True,
+    metavar="GLOB",
+    help="Of folders, only files that fit; a GLOB with a / is held against the path below PATH.",
+)
+@click.option("--exclude", multiple=True, metavar="GLOB", help="Of folders, not those that fit.")
+@click.option("--shard", metavar="I/N", help="Only part I of N, the same one on every machine.")
+@click.option(
+    "--output",
+    metavar="FILE",
+    help="Write the records to FILE.jsonl, .csv or .parquet, safe from any interruption.",
+)
+@click.option("--resume", is_flag=True, help="Go on with an --output that was interrupted.")
+@click.option("--unordered", is_flag=True, help="Records as they are done, which is faster.")
+@click.option(
+    "--workers",
+    type=click.IntRange(1, 256),
+    help="Processes that classify. [default: one for each usable core, or none for a few files]",
+)
 @click.option(
     "--explain",
     "out",
@@ -43,126 +62,107 @@ def classify(
     top: int | None,
     as_json: bool,
     declared: str | None,
+    include: tuple[str, ...],
+    exclude: tuple[str, ...],
+    shard: str | None,
+    output: str | None,
+    resume: bool,
+    unordered: bool,
+    workers: int | None,
     out: Path | None,
     label: str | None,
 ) -> None:
     """Say what the meshes in files and folders are; - reads one mesh from standard input.
 
-    Folders are searched recursively. Prints a table at a terminal and JSON Lines otherwise, in
-    the order of the input. A file that cannot be used is a record with its reason. Exits with 0
-    if every file was classified, 1 if some were not, 2 if the call itself is wrong.
+    A PATH is a file, a folder, which is searched recursively, a glob in quotes, or a URL such as
+    s3://bucket/folder. Prints a table at a terminal and JSON Lines otherwise, in the order of the
+    input, or writes an --output. A file that cannot be used is a record with its reason. Exits
+    with 0 if every file was classified, 1 if some were not, 2 if the call itself is wrong.
     """
-    from model.loading import FORMATS
-
-    files = list(_expand(paths))
-    if declared and declared.lower() not in FORMATS:
-        raise click.UsageError(f"unknown --format {declared!r}: choose from {', '.join(FORMATS)}")
-    if declared and STDIN not in files:
-        raise click.UsageError("--format is for standard input, which no PATH names: add -")
-    if files.count(STDIN) > 1:
-        raise click.UsageError("- stands for standard input, which holds one mesh: name it once")
     if label is not None and out is None:
         raise click.UsageError("--class says what to explain: add --explain OUT")
-    classifier = load_classifier(model)
-    sources = ((sys.stdin.buffer.read(), declared) if file == STDIN else file for file in files)
+    if out is not None and workers is not None:
+        raise click.UsageError("--explain works in one process: leave out --workers")
+    if resume and output is None:
+        raise click.UsageError("--resume goes on with an output: add --output FILE")
+    listing = _listing(paths, declared, include, exclude, shard)
+    target = None if output is None else _target(output, resume)
+    settings = read_settings({"workers": workers})
+    from service.batch.classifying import Options, run_id
+    from service.cli.engines import FEW, explaining_engine, open_engine
+    from service.cli.watching import Watch
+
     if out is None:
-        results = classifier.classify_many(sources)
+        model_id, engine = open_engine(listing, model, settings, workers is None, not unordered)
     else:
-        results = explain_all(classifier, files, sources, out, label)
-    if as_json or not sys.stdout.isatty():
-        failures = _print_lines(_records(files, results, top))
-    else:
-        records = _records(files, results, top or TABLE_TOP)
-        failures = _print_table(with_progress(records, len(files)))
-    ctx.exit(1 if failures else 0)
+        model_id, engine = explaining_engine(listing, model, out, label)
+    at_terminal = target is None and not as_json and sys.stdout.isatty()
+    top = TABLE_TOP if at_terminal and top is None else top
+    options = Options(model_id.name, top, settings.worker_memory_bytes)
+    watch = Watch(listing, shown=at_terminal or not sys.stdout.isatty() or target is not None)
+    with engine:
+        sink = _sink(target, run_id(model_id.sha256, top, settings.limits), at_terminal, watch)
+        try:
+            watch.follow(engine.outcomes(listing, options, sink.is_done), sink)
+        except KeyboardInterrupt:
+            if target is not None:
+                click.echo(f"{target.path} has what is done: go on with it by --resume", err=True)
+            raise
+        finally:
+            sink.close()
+    if target is not None or (watch.shown and sink.tally.files > FEW):
+        click.echo(watch.summary(sink.tally), err=True)
+    ctx.exit(1 if sink.tally.refused else 0)
 
 
-def _expand(paths: Iterable[str]) -> Iterator[str]:
-    """The files to classify, in order. A file that was named is tried whatever its name."""
-    from model.loading import FORMATS, find_meshes
+def _listing(
+    paths: Sequence[str],
+    declared: str | None,
+    include: Sequence[str],
+    exclude: Sequence[str],
+    shard: str | None,
+) -> "Listing":
+    """The files to classify. Paths that name none are a usage error."""
+    from model.loading import FORMATS
+    from service.batch.listing import STDIN, Choice, Listing, NotListed
+    from service.batch.sharding import Shard
 
-    for text in paths:
-        path = Path(text)
-        if path.is_dir():
-            found = find_meshes(path)
-            if not found:
-                raise click.UsageError(
-                    f"no mesh files under {text} (read are: {', '.join(FORMATS)})"
-                )
-            yield from map(str, found)
-        elif text == STDIN or path.exists():
-            yield text
-        else:
-            raise click.UsageError(f"no such file or folder: {text}")
-
-
-def _records(
-    files: Sequence[str],
-    results: "Iterable[Classification | MeshError | OSError]",
-    top: int | None,
-) -> "Iterator[Answer | Refusal]":
-    from service.classifier import Classification
-    from service.records import answer, refusal
-
-    for file, result in zip(files, results, strict=True):
-        if isinstance(result, Classification):
-            yield answer(readable(file), result, top)
-        else:
-            yield refusal(readable(file), result)
+    if declared and declared.lower() not in FORMATS:
+        raise click.UsageError(f"unknown --format {declared!r}: choose from {', '.join(FORMATS)}")
+    if declared and STDIN not in paths:
+        raise click.UsageError("--format is for standard input, which no PATH names: add -")
+    if paths.count(STDIN) > 1:
+        raise click.UsageError("- stands for standard input, which holds one mesh: name it once")
+    try:
+        part = None if shard is None else Shard.parse(shard)
+    except ValueError as error:
+        raise click.UsageError(f"--shard {error}") from None
+    try:
+        return Listing(paths, Choice(include, exclude, part), declared)
+    except NotListed as error:
+        raise click.UsageError(str(error)) from None
 
 
-def _print_lines(records: "Iterable[Answer | Refusal]") -> int:
-    """Print JSON Lines as they come; returns the number of refusals."""
-    from service.records import Refusal
+def _target(output: str, resume: bool) -> "Target":
+    from service.batch.targets import NotWritten, Target
 
-    failures = 0
-    for record in records:
-        click.echo(record.model_dump_json(by_alias=True))
-        failures += isinstance(record, Refusal)
-    return failures
-
-
-def _print_table(records: "Iterable[Answer | Refusal]") -> int:
-    """Print a table for people; returns the number of refusals."""
-    from rich.console import Console
-    from rich.table import Table
-
-    from service.records import Refusal
-
-    table = Table(box=None, pad_edge=False)
-    table.add_column("File", overflow="fold")
-    table.add_column("Class")
-    table.add_column("Probability", justify="right")
-    table.add_column("Next")
-    table.add_column("Faces", no_wrap=True)
-    refused: list[Refusal] = []
-    for record in records:
-        name = shown(record.file or "")
-        if isinstance(record, Refusal):
-            refused.append(record)
-            table.add_row(name, f"[red]{shown(record.error.fault)}[/red]")
-            continue
-        faces = _faces(record.mesh.faces_in, record.mesh.faces_used)
-        if record.unknown:
-            nearest = f"nearest {shown(record.class_)}"
-            table.add_row(name, "[yellow]unknown[/yellow]", "", nearest, faces)
-            continue
-        table.add_row(
-            name,
-            f"[bold]{shown(record.class_)}[/bold]",
-            f"{record.probability:.1%}",
-            ", ".join(
-                f"{shown(score.class_)} {score.probability:.1%}" for score in record.scores[1:]
-            ),
-            faces,
-        )
-    console = Console(highlight=False)
-    console.print(table)
-    for record in refused:  # below: a sentence in a column would squeeze all others
-        line = f"{shown(record.file or '')}: {shown(record.error.message)}"
-        console.print(f"[red]{line}[/red]", soft_wrap=True)
-    return len(refused)
+    try:
+        target = Target(output)
+        target.check(resume)
+    except NotWritten as error:
+        raise click.UsageError(f"--output {error}") from None
+    return target
 
 
-def _faces(faces_in: int, faces_used: int) -> str:
-    return f"{faces_in}" if faces_in == faces_used else f"{faces_in} → {faces_used}"
+def _sink(target: "Target | None", run: str, at_terminal: bool, watch: "Watch") -> "Sink":
+    """Where records go. An output that is not of this run is a usage error."""
+    from service.batch.outputs import Output
+    from service.batch.targets import NotWritten
+    from service.cli.sinks import Lines, Tables
+
+    if target is None:
+        return Tables(watch.paused) if at_terminal else Lines()
+    try:
+        return Output(target, run)
+    except NotWritten as error:
+        raise click.UsageError(f"--output {error}") from None

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from service.cli.shared import load_classifier
-from service.cli.terminal import readable, with_progress
+from service.cli.terminal import with_progress
 
 if TYPE_CHECKING:
     from model.datasets import Sample
@@ -60,6 +60,7 @@ def evaluate(
     from service.cli.evaluation_tables import print_evaluation
     from service.evaluation import classify_samples, summarise
     from service.evaluation_report import DataId
+    from service.records import readable
 
     classifier = load_classifier(model)
     samples = _find(data, split_file, part, classifier.model.card.config.classes)

@@ -9,10 +9,9 @@ import numpy as np
 
 from model.confusion import draw_confusion
 from service.classifier import Classification
-from service.cli.terminal import readable
 from service.evaluation import Outcome
 from service.evaluation_report import Report
-from service.records import Refusal, answer
+from service.records import Refusal, answer, readable
 
 
 def write_files(folder: Path, report: Report, outcomes: Sequence[Outcome]) -> None:

@@ -1,59 +1,53 @@
 """`meshconv3d classify --explain`: beside each record, the mesh coloured by its evidence."""
 
 import os
-from collections.abc import Iterable, Iterator, Sequence
-from functools import partial
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from service.cli.shared import STDIN
-
 if TYPE_CHECKING:
-    from model.errors import MeshError
-    from service.classifier import Classification, Classifier, Source
+    from service.batch.classifying import Classify
+    from service.classifier import Classifier
+    from service.workers import Work
 
 
-def explain_all(
-    classifier: "Classifier",
-    files: Sequence[str],
-    sources: "Iterable[Source]",
-    out: Path,
-    label: str | None,
-) -> "Iterator[Classification | MeshError | OSError]":
-    """Classify as `Classifier.classify_many` does, and write where each score comes from.
+def explaining(
+    classifier: "Classifier", files: Sequence[str], out: Path, label: str | None
+) -> "Classify":
+    """What classifies the files, and writes where each score comes from.
 
     A call that cannot be carried out is a usage error, before anything is read.
     """
-    from service.evidence import NotExplained, explained_class
+    from service.evidence import FORMS, NotExplained, explain, explained_class
+    from service.records import answer, readable
 
     config = classifier.model.card.config
     try:
         explained_class(config.classes, config.pooling, label)
     except NotExplained as error:
         raise click.UsageError(str(error)) from None
-    return _write_all(classifier, sources, _targets(files, out), label)
+    named = map(readable, files)
+    targets = dict(zip(named, _targets(files, out), strict=True))
+
+    def classify(work: "Work") -> bytes:
+        found = explain(classifier, work.content, work.declared, label)
+        name, target = targets[work.file or ""]
+        _write(target, FORMS[_extension(target)].write(name, found))
+        record = answer(work.file, found.classification, work.top)
+        return record.model_dump_json(by_alias=True).encode()
+
+    return classify
 
 
-def _write_all(
-    classifier: "Classifier",
-    sources: "Iterable[Source]",
-    targets: Sequence[tuple[str, Path]],
-    label: str | None,
-) -> "Iterator[Classification | MeshError | OSError]":
-    from service.classifier import each_of
-    from service.evidence import FORMS, Explanation, explain
-
-    work = partial(explain, classifier, label=label)
-    for source, (name, target) in zip(sources, targets, strict=True):
-        for result in each_of([source], work):
-            if isinstance(result, Explanation):
-                target.parent.mkdir(parents=True, exist_ok=True)
-                target.write_bytes(FORMS[_extension(target)].write(name, result))
-                yield result.classification
-            else:
-                yield result
+def _write(target: Path, content: bytes) -> None:
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        target.write_bytes(content)
+    except OSError as error:
+        # Not the mesh's fault, whose record would say so.
+        raise click.ClickException(f"{target} cannot be written: {error.strerror}") from None
 
 
 def _targets(files: Sequence[str], out: Path) -> list[tuple[str, Path]]:
@@ -71,7 +65,7 @@ def _targets(files: Sequence[str], out: Path) -> list[tuple[str, Path]]:
     if out.is_file() or (not out.is_dir() and _extension(out) in READ):
         forms = ", ".join(f".{form}" for form in FORMS)
         raise click.UsageError(f"--explain {out} is neither a folder nor a file with {forms}")
-    paths = [Path("stdin" if file == STDIN else file).absolute() for file in files]
+    paths = [Path("stdin" if file == "-" else file).absolute() for file in files]
     top = os.path.commonpath([path.parent for path in paths])
     default = next(iter(FORMS))
     return [(path.name, out / f"{path.relative_to(top)}.{default}") for path in paths]

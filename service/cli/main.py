@@ -28,6 +28,8 @@ COMMANDS = {
 # What each extra installs, by the names under which it is imported.
 EXTRAS = {
     "data": {"manifold3d", "PIL", "shapely", "skimage"},
+    "parquet": {"pyarrow"},
+    "remote": {"fsspec"},
     "train": {"torch", "onnx", "onnxscript", "safetensors", "matplotlib"},
 }
 

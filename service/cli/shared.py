@@ -9,9 +9,6 @@ if TYPE_CHECKING:
     from service.classifier import Classifier
     from service.settings import Settings
 
-# The PATH that stands for standard input.
-STDIN = "-"
-
 
 def read_settings(flags: Mapping[str, Any]) -> "Settings":
     """The settings, with the flags that were given over them; a bad one is a usage error."""
@@ -35,15 +32,18 @@ def _bad_setting(error: Mapping[str, Any]) -> str:
 
 
 def load_classifier(model: str | None) -> "Classifier":
-    """The classifier for a --model value or the settings' default, tested on its own sample.
+    """The classifier for a --model value or the settings' default, within the settings' limits
+    on one file, tested on its own sample.
 
     A model that is missing, damaged, or does not give its own scores is a usage error.
     """
     from export.metadata import ModelFileError
     from service.classifier import Classifier, SelfTestError
+    from service.models import open_model
 
+    settings = read_settings({})
     try:
-        classifier = Classifier.load(read_settings({}).models[0] if model is None else model)
+        classifier = Classifier(open_model(model or settings.models[0]), settings.limits)
         classifier.self_test()
     except (ModelFileError, SelfTestError) as error:
         raise click.UsageError(str(error)) from None

@@ -1,15 +1,9 @@
-"""What commands do alike at a terminal: names that are safe to print, and a progress bar."""
+"""What commands do alike at a terminal: text that is safe to print, and a progress bar."""
 
-import os
 from collections.abc import Iterable, Iterator
 from typing import TypeVar
 
 Item = TypeVar("Item")
-
-
-def readable(file: str) -> str:
-    """A file name as text; bytes that are no UTF-8, which JSON cannot hold, are replaced."""
-    return os.fsencode(file).decode(errors="replace")
 
 
 def shown(text: str) -> str:

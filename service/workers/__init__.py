@@ -6,7 +6,7 @@ them work. None of it knows of HTTP.
 """
 
 from service.workers.pool import WorkerPool
-from service.workers.tasks import Record, Setup, TaskFailed, Wanted, Work
+from service.workers.tasks import Record, Setup, TaskFailed, Wanted, Work, answer_to
 from service.workers.worker import DeadlineExceeded, NotStarted
 
 __all__ = [
@@ -18,4 +18,5 @@ __all__ = [
     "Wanted",
     "Work",
     "WorkerPool",
+    "answer_to",
 ]

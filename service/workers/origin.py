@@ -10,9 +10,10 @@ from model.loading import load_mesh
 from model.preparation import prepare
 from model.samples import sample_paths
 
-# Who stops a service may signal all its processes at once. This one and the workers go on until
-# the service has finished what it accepted: they end when it does.
+# Who stops a service may signal all its processes at once, as a terminal does. This one and the
+# workers go on until the service has finished what it accepted: they end when it does.
 signal.signal(signal.SIGTERM, signal.SIG_IGN)
+signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 # The samples come in all formats, with too many faces and too few.
 _config = NetworkConfig(classes=("this", "that"))

@@ -6,6 +6,7 @@ import queue
 import threading
 import time
 from concurrent.futures import Future
+from contextlib import suppress
 from typing import Any
 
 from export.metadata import ModelFileError
@@ -21,9 +22,10 @@ RETRY_SECONDS = 1.0
 
 
 class _Job:
-    """Work in the queue, until it is done or cancelled. expires: on the monotonic clock."""
+    """Work in the queue, until it is done or cancelled. expires: on the monotonic clock, or None:
+    some time after its beginning."""
 
-    def __init__(self, work: Work, expires: float) -> None:
+    def __init__(self, work: Work, expires: float | None) -> None:
         self.work: Work | None = work
         self.queued = time.perf_counter()
         self.expires = expires
@@ -43,8 +45,9 @@ class WorkerPool:
     """
 
     def __init__(self, setup: Setup, workers: int) -> None:
-        self._jobs: queue.SimpleQueue[_Job | None] = queue.SimpleQueue()
+        self._jobs: queue.SimpleQueue[_Job] = queue.SimpleQueue()
         self._seats = [_Seat(setup, self._jobs) for _ in range(workers)]
+        self._stopped = False
         self.models: dict[str, dict[str, Any]] = {}
 
     def start(self) -> None:
@@ -62,8 +65,9 @@ class WorkerPool:
             self.stop()
             raise
 
-    def submit(self, work: Work, expires: float) -> Future[Record]:
-        """Queue one mesh, to be classified by `expires` on the monotonic clock.
+    def submit(self, work: Work, expires: float | None = None) -> Future[Record]:
+        """Queue one mesh, to be classified by `expires` on the monotonic clock; with None, within
+        the setup's seconds of when a worker begins with it.
 
         The future gives a record, with `queue` among its timings, or raises MeshError,
         DeadlineExceeded or TaskFailed. Work that waits can be cancelled, and is forgotten at once;
@@ -71,6 +75,8 @@ class WorkerPool:
         """
         job = _Job(work, expires)
         self._jobs.put(job)
+        if self._stopped:
+            self._drop_waiting()
         return job.future
 
     @property
@@ -84,10 +90,16 @@ class WorkerPool:
         return sum(seat.restarts for seat in self._seats)
 
     def stop(self) -> None:
-        """End all workers at once, whatever they run."""
+        """End all workers at once, whatever they run; work that waits is cancelled."""
+        self._stopped = True
+        self._drop_waiting()
         for seat in self._seats:
             seat.close()
-            self._jobs.put(None)
+
+    def _drop_waiting(self) -> None:
+        with suppress(queue.Empty):
+            while True:
+                self._jobs.get_nowait().future.cancel()
 
 
 def _by_name(models: list[dict[str, Any]]) -> dict[str, dict[str, Any]]:
@@ -104,7 +116,7 @@ class _Seat(threading.Thread):
     warm: what the models of the first worker say of themselves, or why it did not start.
     """
 
-    def __init__(self, setup: Setup, jobs: "queue.SimpleQueue[_Job | None]") -> None:
+    def __init__(self, setup: Setup, jobs: "queue.SimpleQueue[_Job]") -> None:
         super().__init__(daemon=True, name="worker-seat")
         self._setup = setup
         self._jobs = jobs
@@ -141,13 +153,15 @@ class _Seat(threading.Thread):
             job = self._jobs.get(timeout=CHECK_SECONDS)
         except queue.Empty:
             return
-        if job is None or not job.future.set_running_or_notify_cancel():
+        if not job.future.set_running_or_notify_cancel():
             return
-        work = job.work
+        work, expires = job.work, job.expires
         assert work is not None
+        if expires is None:
+            expires = time.monotonic() + self._setup.seconds
         waited = round((time.perf_counter() - job.queued) * 1000, 3)
         try:
-            record = self._classify(work, job.expires, worker)
+            record = self._classify(work, expires, worker)
         except Exception as error:
             job.future.set_exception(error)
         else:

@@ -111,7 +111,7 @@ def classify(work: Work) -> Record:
     """
     limit_cpu(_worker.setup.seconds)
     try:
-        result, content = _answer(work, _worker.classifiers[work.model])
+        result, content = answer_to(work, _worker.classifiers[work.model])
     except MeshError as error:
         # A reader takes whatever goes wrong in it for a damaged file.
         if isinstance(error.__cause__, MemoryError):
@@ -132,8 +132,11 @@ def classify(work: Work) -> Record:
     )
 
 
-def _answer(work: Work, classifier: Classifier) -> tuple[Classification, bytes]:
-    """The result of a mesh, and the bytes that leave."""
+def answer_to(work: Work, classifier: Classifier) -> tuple[Classification, bytes]:
+    """The result of a mesh, and the bytes that leave, in whichever process this is.
+
+    Raises what the classifier raises.
+    """
     if work.wanted is not None:
         found = explain(classifier, work.content, work.declared, work.wanted.label)
         return found.classification, FORMS[work.wanted.form].write(work.file, found)

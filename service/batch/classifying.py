@@ -1,0 +1,93 @@
+"""The outcome of one file: read, told apart by its content, classified by whoever can."""
+
+import hashlib
+import json
+import logging
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+
+from model.errors import MeshError, UnusableMesh
+from model.loading import Limits
+from service.batch.entries import Entry
+from service.records import Reason, Refusal, refusal
+from service.workers import DeadlineExceeded, TaskFailed, Work
+
+log = logging.getLogger(__name__)
+
+# From a mesh's bytes to its record in JSON; raises MeshError, DeadlineExceeded or TaskFailed.
+Classify = Callable[[Work], bytes]
+# Whether the file of this name, with this SHA-256, need not be classified (again).
+IsDone = Callable[[str, str], bool]
+
+# Faults that another attempt may not find: they speak of the machine as much as of the file.
+PASSING = frozenset({"deadline", "internal", "too-much-memory", "worker-crashed"})
+
+
+@dataclass(frozen=True)
+class Options:
+    """What is asked of every file. model: the name of one that has been opened. top: only so many
+    classes; bytes: larger files are not read."""
+
+    model: str
+    top: int | None
+    bytes: int
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of one file.
+
+    record: an `Answer` or a `Refusal` in JSON. sha256: of the content; None if it was not read.
+    fault: why it was not classified; None if it was.
+    """
+
+    record: bytes
+    sha256: str | None
+    fault: str | None
+
+
+def run_id(model_sha256: str, top: int | None, limits: Limits) -> str:
+    """What a record depends on beside the file, as 16 hexadecimal digits."""
+    parts = {"model": model_sha256, "top": top, "limits": asdict(limits)}
+    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:16]
+
+
+def classify_entry(
+    entry: Entry, options: Options, classify: Classify, is_done: IsDone
+) -> Outcome | None:
+    """The outcome of one file, whatever the file is; None for one that is done.
+
+    Any engine calls this for each file, in whichever process has a way to `classify`.
+    """
+    sha256 = None
+    try:
+        _check_size(entry.size(), options.bytes)
+        content = entry.read()
+        sha256 = hashlib.sha256(content).hexdigest()
+        if is_done(entry.name, sha256):
+            return None
+        work = Work(options.model, content, entry.name, entry.declared, options.top)
+        return Outcome(classify(work), sha256, None)
+    except (MeshError, OSError, DeadlineExceeded, TaskFailed) as error:
+        refused = _refusal(entry.name, error)
+        return Outcome(refused.model_dump_json().encode(), sha256, refused.error.fault)
+
+
+def _check_size(size: int, most: int) -> None:
+    if size > most:
+        raise UnusableMesh(
+            "too-much-memory",
+            f"the file has {size} bytes, more than the {most} bytes of memory that one mesh is "
+            "allowed; simplify the mesh or split it up",
+        )
+
+
+def _refusal(name: str, error: MeshError | OSError | DeadlineExceeded | TaskFailed) -> Refusal:
+    if isinstance(error, MeshError | OSError):
+        return refusal(name, error)
+    if isinstance(error, DeadlineExceeded):
+        message = "classifying it took longer than the deadline; simplify the mesh, or allow more"
+        return Refusal(file=name, error=Reason(fault="deadline", message=message))
+    log.error("one mesh failed: %s", error)
+    message = "classifying it failed in a way that nobody foresaw; report it, with the file"
+    return Refusal(file=name, error=Reason(fault="internal", message=message))

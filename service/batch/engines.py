@@ -1,0 +1,95 @@
+"""How all files get their outcomes: one after the other in this process, or in worker processes.
+
+An engine knows neither where files come from nor where outcomes go.
+"""
+
+from collections.abc import Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from functools import partial
+from typing import Protocol, Self
+
+from service.batch.budget import Budget
+from service.batch.classifying import Classify, IsDone, Options, Outcome, classify_entry
+from service.batch.entries import Entry
+from service.batch.ordering import as_they_come, in_order
+from service.workers import Work, WorkerPool
+
+# Files that are read or wait for each worker, so that it never waits for one: the way to an
+# object store takes many times what classifying takes. And how many bytes of them are held.
+HELD_FOR_EACH = 16
+HELD_BYTES = 512 * 2**20
+
+
+class Engine(Protocol):
+    """Turns entries into outcomes, within bounds on what is held, whatever comes."""
+
+    def outcomes(
+        self, entries: Iterable[Entry], options: Options, is_done: IsDone
+    ) -> Iterator[Outcome]:
+        """The outcome of each file that is not done."""
+        ...
+
+    def __enter__(self) -> Self: ...
+
+    def __exit__(self, *_: object) -> None: ...
+
+
+class Here:
+    """In this process, in order. For a few files: worker processes take seconds to start. A file
+    that breaks its reader breaks this process."""
+
+    def __init__(self, classify: Classify) -> None:
+        self._classify = classify
+
+    def outcomes(
+        self, entries: Iterable[Entry], options: Options, is_done: IsDone
+    ) -> Iterator[Outcome]:
+        """See `Engine`."""
+        for entry in entries:
+            outcome = classify_entry(entry, options, self._classify, is_done)
+            if outcome is not None:
+                yield outcome
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        pass
+
+
+class Workers:
+    """In the processes of a pool that has started; it is stopped at the end.
+
+    A thread for each file on its way reads it, and waits for its worker: so what is held is
+    bounded by the number of threads, and by their bytes.
+    """
+
+    def __init__(self, pool: WorkerPool, workers: int, ordered: bool) -> None:
+        """ordered: outcomes come in the order of the entries, not as they are done."""
+        self._pool = pool
+        self._threads = ThreadPoolExecutor(workers * HELD_FOR_EACH, "batch")
+        self._budget = Budget(HELD_BYTES)
+        self._arranged = in_order if ordered else as_they_come
+
+    def outcomes(
+        self, entries: Iterable[Entry], options: Options, is_done: IsDone
+    ) -> Iterator[Outcome]:
+        """See `Engine`."""
+        one = partial(self._outcome, options=options, is_done=is_done)
+        begin = partial(self._threads.submit, one)
+        return filter(None, self._arranged(begin, entries))
+
+    def _outcome(self, entry: Entry, options: Options, is_done: IsDone) -> Outcome | None:
+        with self._budget.held(min(entry.size(), options.bytes)):
+            return classify_entry(entry, options, self._classify, is_done)
+
+    def _classify(self, work: Work) -> bytes:
+        future: Future = self._pool.submit(work)
+        return future.result().content
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._threads.shutdown(wait=False, cancel_futures=True)
+        self._pool.stop()

@@ -1,0 +1,65 @@
+"""Files of this machine."""
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from model.loading import walk_meshes
+from service.batch.entries import Entry
+from service.batch.patterns import split_glob
+from service.records import readable
+
+
+@dataclass(frozen=True)
+class LocalFile:
+    """A file of this machine. root: the folder in which it was found; None for one that was
+    named."""
+
+    path: str
+    root: Path | None = None
+
+    @property
+    def name(self) -> str:
+        return readable(self.path)
+
+    @property
+    def below(self) -> str:
+        path = Path(self.path)
+        return readable(path.relative_to(self.root or path.parent).as_posix())
+
+    @property
+    def declared(self) -> str | None:
+        return Path(self.path).suffix
+
+    def size(self) -> int:
+        try:
+            return os.stat(self.path).st_size
+        except OSError:
+            return 0  # reading it says why
+
+    def read(self) -> bytes:
+        return Path(self.path).read_bytes()
+
+
+class LocalSource:
+    """See `Source`."""
+
+    def kind(self, path: str) -> Literal["file", "folder"] | None:
+        if os.path.isdir(path):
+            return "folder"
+        return "file" if os.path.exists(path) else None
+
+    def file(self, path: str) -> Entry:
+        return LocalFile(path)
+
+    def walk(self, folder: str) -> Iterator[Entry]:
+        root = Path(folder)
+        return (LocalFile(str(path), root) for path in walk_meshes(root))
+
+    def split_glob(self, path: str) -> tuple[str, str]:
+        return split_glob(path)
+
+
+LOCAL = LocalSource()

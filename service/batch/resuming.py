@@ -1,0 +1,57 @@
+"""What is done already, so that it is not done again."""
+
+import json
+import sqlite3
+from hashlib import sha256
+from typing import Any
+
+from service.batch.classifying import PASSING, Outcome
+
+
+def stamped(outcome: Outcome, run: str) -> bytes:
+    """The line of an outcome in an output file: its record, with what tells that it is done."""
+    stamp = json.dumps({"sha256": outcome.sha256, "run": run})
+    # Parsing and writing the record anew would cost as much as reading the mesh.
+    return outcome.record[:-1] + b"," + stamp[1:].encode() + b"\n"
+
+
+def fault_of(record: dict[str, Any]) -> str | None:
+    """Why a file was not classified, by its record; None if it was."""
+    return record["error"]["fault"] if "error" in record else None
+
+
+def is_settled(record: dict[str, Any]) -> bool:
+    """Whether another attempt would give the same record."""
+    return record["sha256"] is not None and fault_of(record) not in PASSING
+
+
+class Done:
+    """The files that are done, by name and content. On disk: memory is for what is not done.
+
+    May be used by several threads.
+    """
+
+    def __init__(self) -> None:
+        # Without a name: a database that only this process sees, and that goes with it.
+        self._files = sqlite3.connect("", isolation_level=None, check_same_thread=False)
+        self._files.execute("PRAGMA journal_mode = OFF")
+        self._files.execute("CREATE TABLE done (key BLOB PRIMARY KEY, times INTEGER) WITHOUT ROWID")
+
+    def add(self, name: str, content: str) -> None:
+        """Note a file, by its name and the SHA-256 of its content."""
+        self._files.execute(
+            "INSERT INTO done VALUES (?, 1) ON CONFLICT DO UPDATE SET times = times + 1",
+            (_key(name, content),),
+        )
+
+    def take(self, name: str, content: str) -> bool:
+        """Whether a file is done. Said once for each time that it was noted: a file may have been
+        named twice, and then has two records."""
+        taken = self._files.execute(
+            "UPDATE done SET times = times - 1 WHERE key = ? AND times > 0", (_key(name, content),)
+        )
+        return taken.rowcount > 0
+
+
+def _key(name: str, content: str) -> bytes:
+    return sha256(f"{content}{name}".encode()).digest()[:16]

@@ -1,0 +1,76 @@
+"""Which engine a call of `classify` gets."""
+
+import logging
+from collections.abc import Sequence
+from pathlib import Path
+
+import click
+
+from export.metadata import ModelFileError
+from service.batch.classifying import Classify
+from service.batch.engines import Engine, Here, Workers
+from service.batch.entries import StandardInput
+from service.batch.listing import Listing
+from service.batch.local import LocalFile
+from service.classifier import SelfTestError
+from service.cli.explain import explaining
+from service.cli.shared import load_classifier
+from service.models import Model, ModelFile
+from service.records import ModelId
+from service.settings import Settings
+from service.workers import NotStarted, Setup, WorkerPool, answer_to
+
+# As many files are classified in this process before worker processes would be ready.
+FEW = 16
+
+
+def open_engine(
+    listing: Listing, model: str | None, settings: Settings, may_be_here: bool, ordered: bool
+) -> tuple[ModelId, Engine]:
+    """The engine for some files, and its model: this process for a few if it may be, worker
+    processes for more. A model that cannot serve is a usage error."""
+    if may_be_here and len(listing.first(FEW + 1)) <= FEW:
+        classifier = load_classifier(model)
+        return _id(classifier.model), Here(lambda work: answer_to(work, classifier)[1])
+    pool = _start_workers(model or settings.models[0], settings)
+    (card,) = pool.models.values()
+    model_id = ModelId(name=card["name"], sha256=card["sha256"])
+    return model_id, Workers(pool, settings.workers, ordered)
+
+
+def explaining_engine(
+    listing: Listing, model: str | None, out: Path, label: str | None
+) -> tuple[ModelId, Engine]:
+    """As `open_engine`, with explanations written to OUT."""
+    files = _local(listing)
+    classifier = load_classifier(model)
+    classify: Classify = explaining(classifier, files, out, label)
+    return _id(classifier.model), Here(classify)
+
+
+def _start_workers(model: str, settings: Settings) -> WorkerPool:
+    # A worker that a file has ended is that file's record.
+    logging.getLogger("service.workers").setLevel(logging.ERROR)
+    try:
+        files = [ModelFile.read(model)]
+        limits, memory = settings.limits, settings.worker_memory_bytes
+        pool = WorkerPool(Setup(files, limits, memory, settings.deadline_seconds), settings.workers)
+        pool.start()
+    except (ModelFileError, SelfTestError) as error:
+        raise click.UsageError(str(error)) from None
+    except NotStarted as error:
+        raise click.ClickException(str(error)) from None
+    return pool
+
+
+def _local(listing: Listing) -> Sequence[str]:
+    files = []
+    for entry in listing:
+        if not isinstance(entry, LocalFile | StandardInput):
+            raise click.UsageError(f"--explain is for files of this machine, not {entry.name}")
+        files.append(entry.path if isinstance(entry, LocalFile) else entry.name)
+    return files
+
+
+def _id(model: Model) -> ModelId:
+    return ModelId(name=model.card.name, sha256=model.sha256)

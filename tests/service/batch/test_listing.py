@@ -1,0 +1,156 @@
+"""Which files are found, in which order, of this machine and others."""
+
+import os
+import subprocess
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import fsspec
+import pytest
+
+from service.batch.listing import Choice, Listing, NotListed
+from service.batch.sharding import Shard
+
+NAMES = ["a.obj", "a/b.STL", "a/b/c.ply", "a/d.obj", "a-b.obj", "b/e.off", "z.glb", "\u00e4.obj"]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Files of the names above, each holding its name, and others beside them."""
+    folder = tmp_path_factory.mktemp("listing")
+    for name in [*NAMES, "notes.txt", "a/no.json"]:
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(name)
+    (folder / "empty").mkdir()
+    return folder
+
+
+@pytest.fixture(params=["local", "zip", "memory", "s3"])
+def anywhere(request: pytest.FixtureRequest, folder: Path, tmp_path: Path) -> Iterator[str]:
+    """The same folder, in four places."""
+    if request.param == "local":
+        yield str(folder)
+        return
+    if request.param == "zip":
+        with zipfile.ZipFile(tmp_path / "all.zip", "w") as archive:
+            for name in [*NAMES, "notes.txt", "a/no.json"]:
+                archive.write(folder / name, name)
+        yield f"zip://::{tmp_path}/all.zip"
+        return
+    url = "memory://meshes" if request.param == "memory" else request.getfixturevalue("bucket")
+    fs, path = fsspec.url_to_fs(url)
+    fs.put(f"{folder}/", f"{path}/", recursive=True)
+    yield url
+    if request.param == "memory":
+        fs.rm(path, recursive=True)
+
+
+def below(listing: Listing) -> list[str]:
+    return [entry.below for entry in listing]
+
+
+def test_all_meshes_in_the_order_of_their_paths(anywhere: str) -> None:
+    listing = Listing([anywhere])
+    expected = sorted(NAMES, key=lambda name: name.split("/"))
+    assert below(listing) == expected
+    assert below(listing) == expected  # walked anew
+    for entry in listing:
+        assert entry.read().decode() == entry.below
+        assert entry.size() == len(entry.below.encode())
+
+
+def test_a_file_that_was_found_can_be_named(anywhere: str) -> None:
+    for entry in Listing([anywhere]):
+        (named,) = Listing([entry.name])
+        assert (named.name, named.read()) == (entry.name, entry.read())
+
+
+@pytest.mark.parametrize(
+    ("include", "exclude", "expected"),
+    [
+        (["*.obj"], [], ["a/d.obj", "a-b.obj", "a.obj", "\u00e4.obj"]),
+        (["a/*"], [], ["a/b.STL", "a/d.obj"]),
+        (["a/**"], ["**/b/*", "d.*"], ["a/b.STL"]),
+        (["?.obj", "[z]*"], [], ["a/d.obj", "a.obj", "z.glb", "\u00e4.obj"]),
+        ([], ["*.obj", "a/**"], ["b/e.off", "z.glb"]),
+    ],
+)
+def test_patterns_choose(
+    anywhere: str, include: list[str], exclude: list[str], expected: list[str]
+) -> None:
+    assert below(Listing([anywhere], Choice(include, exclude))) == expected
+
+
+def test_shards_are_all_files_once(anywhere: str) -> None:
+    shards = [below(Listing([anywhere], Choice(shard=Shard(i, 3)))) for i in (1, 2, 3)]
+    together = [name for shard in shards for name in shard]
+    assert sorted(together) == sorted(NAMES)
+    assert len(shards[0]) < len(NAMES)
+
+
+@pytest.mark.parametrize(
+    ("glob", "expected"),
+    [
+        ("*.obj", ["a-b.obj", "a.obj", "\u00e4.obj"]),
+        ("**/*.obj", ["a/d.obj", "a-b.obj", "a.obj", "\u00e4.obj"]),
+        ("a/?.*", ["b.STL", "d.obj"]),
+    ],
+)
+def test_globs(folder: Path, glob: str, expected: list[str]) -> None:
+    assert below(Listing([f"{folder}/{glob}"])) == expected
+
+
+def test_a_glob_behind_a_url(bucket: str, folder: Path) -> None:
+    fs, path = fsspec.url_to_fs(bucket)
+    fs.put(f"{folder}/", f"{path}/globs/", recursive=True)
+    names = [entry.name for entry in Listing([f"{bucket}/globs/a/*.obj"])]
+    assert names == [f"{bucket}/globs/a/d.obj"]
+
+
+@pytest.mark.parametrize(
+    ("path", "reason"),
+    [
+        ("{folder}/none.obj", "no such file or folder"),
+        ("{folder}/*.gltf", "no mesh files under"),
+        ("{folder}/empty", "no mesh files under"),
+        ("memory://nothing", "no such file or folder: memory://nothing"),
+        ("nothing://at/all", "cannot be opened: ValueError: Protocol not known: nothing"),
+        ("zip://::{folder}/z.glb", "cannot be opened: BadZipFile"),
+    ],
+)
+def test_paths_that_name_nothing(folder: Path, path: str, reason: str) -> None:
+    with pytest.raises(NotListed, match=reason.replace("*", r"\*")):
+        Listing([path.format(folder=folder)])
+
+
+def test_what_is_no_file_is_left_out_but_not_a_broken_link(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.obj")
+    (tmp_path / "folder.obj").mkdir()
+    (tmp_path / "broken.obj").symlink_to("nowhere.obj")
+    (tmp_path / "around.obj").symlink_to(tmp_path)
+    (tmp_path / "good.obj").touch()
+    assert below(Listing([str(tmp_path)])) == ["broken.obj", "good.obj"]
+
+
+def test_folders_however_deep(tmp_path: Path) -> None:
+    depth = 1500
+    here = os.getcwd()
+    os.chdir(tmp_path)
+    try:
+        for _ in range(depth):
+            os.mkdir("d")
+            os.chdir("d")
+        Path("deep.obj").touch()
+    finally:
+        os.chdir(here)
+    try:
+        assert below(Listing([str(tmp_path)])) == ["d/" * depth + "deep.obj"]
+    finally:
+        subprocess.run(["rm", "-r", tmp_path / "d"], check=True)  # shutil would recurse
+
+
+@pytest.mark.parametrize("text", ["0/2", "3/2", "1", "a/b", "-1/2", "1/0"])
+def test_no_shard(text: str) -> None:
+    with pytest.raises(ValueError, match="no part of a whole"):
+        Shard.parse(text)

@@ -1,0 +1,170 @@
+"""Outputs: nothing that was kept is lost or overwritten, and any form can be read."""
+
+import csv
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import fsspec
+import pyarrow.parquet
+import pytest
+
+from model.loading import Limits
+from service.batch.classifying import run_id
+from service.batch.journals import InUse
+from service.batch.outputs import Output
+from service.batch.tables import Csv
+from service.batch.targets import NotWritten, Target
+
+RUN = run_id("1" * 64, None, Limits())
+
+
+def write(path: str, outcomes: list) -> None:
+    output = Output(Target(path), RUN)
+    for outcome in outcomes:
+        output.add(outcome)
+    output.close()
+
+
+def journal(path: str) -> list[dict]:
+    with fsspec.open(path, "rb") as file:
+        return [json.loads(line) for line in file.read().splitlines()]
+
+
+def test_a_file_cut_at_any_byte_is_gone_on_with(tmp_path: Path, outcome: Callable) -> None:
+    """Whatever was cut off is not done; all that is left is."""
+    path = tmp_path / "all.jsonl"
+    outcomes = [outcome("a.obj"), outcome("b\n\u00e4.obj", "no-faces")]
+    write(str(path), outcomes)
+    whole = path.read_bytes()
+    first = whole.index(b"\n") + 1
+    for length in range(0, len(whole) + 1, 7):
+        path.write_bytes(whole[:length])
+        output = Output(Target(str(path)), RUN)
+        left = [output.is_done(name, "0" * 64) for name in ("a.obj", "b\n\u00e4.obj")]
+        assert left == [length >= first, length == len(whole)]
+        for done, again in zip(left, outcomes, strict=True):
+            if not done:
+                output.add(again)
+        output.close()
+        assert path.read_bytes() == whole
+
+
+@pytest.mark.parametrize("form", ["csv", "parquet"])
+def test_any_form_is_made_anew_from_its_journal(
+    tmp_path: Path, outcome: Callable, form: str
+) -> None:
+    path = tmp_path / f"all.{form}"
+    outcomes = [outcome("a.obj"), outcome('=b,\n".obj', "no-faces"), outcome("c.obj")]
+    write(str(path), outcomes[:1])
+    path.write_bytes(b"torn")
+    write(str(path), outcomes[1:])
+    if form == "csv":
+        with path.open(newline="") as file:
+            rows = list(csv.DictReader(file))
+        assert list(rows[0]) == list(Csv.COLUMNS)
+        assert [row["mesh.faces_in"] for row in rows] == ["12", "", "12"]
+        assert [row["error.fault"] for row in rows] == ["", "no-faces", ""]
+        assert json.loads(rows[0]["scores"])[0]["score"] == 1.5
+    else:
+        rows = pyarrow.parquet.read_table(path).to_pylist()
+        assert [row["mesh"] and row["mesh"]["faces_in"] for row in rows] == [12, None, 12]
+        assert rows[1]["error"]["fault"] == "no-faces"
+        assert rows[0]["scores"] == [{"class": "ring", "probability": 0.5, "score": 1.5}]
+    assert [row["file"] for row in rows] == ["a.obj", '=b,\n".obj', "c.obj"]
+    assert {row["run"] for row in rows} == {RUN}
+
+
+@pytest.mark.parametrize("form", ["jsonl", "csv", "parquet"])
+@pytest.mark.parametrize("place", ["s3", "memory"])
+def test_outputs_behind_urls(
+    request: pytest.FixtureRequest, outcome: Callable, place: str, form: str
+) -> None:
+    base = "memory://out" if place == "memory" else request.getfixturevalue("bucket")
+    url = f"{base}/all.{form}"
+    write(url, [outcome("a.obj"), outcome("x.obj", "deadline")])
+    with pytest.raises(NotWritten, match="--resume"):
+        Target(url).check(resume=False)
+    output = Output(Target(url), RUN)
+    assert output.is_done("a.obj", "0" * 64)
+    assert not output.is_done("x.obj", "0" * 64)
+    output.add(outcome("x.obj"))
+    output.close()
+    assert [line["file"] for line in journal(f"{url}.journal/00000001.jsonl")] == ["x.obj"]
+    with fsspec.open(url, "rb") as file:
+        if form == "parquet":
+            names = pyarrow.parquet.read_table(file).column("file").to_pylist()
+        elif form == "csv":
+            names = [line.split(b",")[0].decode() for line in file.read().splitlines()[1:]]
+        else:
+            names = [json.loads(line)["file"] for line in file.read().splitlines()]
+    assert names == ["a.obj", "x.obj"]
+
+
+def test_what_another_attempt_may_change_is_done_again(tmp_path: Path, outcome: Callable) -> None:
+    path = str(tmp_path / "all.jsonl")
+    passing = [outcome("a.obj", "deadline"), outcome("b.obj", "unreadable", sha256=None)]
+    write(path, [*passing, outcome("c.obj", "no-faces")])
+    output = Output(Target(path), RUN)
+    assert (output.tally.files, output.tally.reasons()) == (1, "no-faces 1")
+    assert output.is_done("c.obj", "0" * 64)
+    assert [line["file"] for line in journal(path)] == ["c.obj"]
+
+
+def test_a_file_named_twice_has_two_records(tmp_path: Path, outcome: Callable) -> None:
+    path = str(tmp_path / "all.jsonl")
+    write(path, [outcome("a.obj"), outcome("a.obj")])
+    output = Output(Target(path), RUN)
+    assert [output.is_done("a.obj", "0" * 64) for _ in range(3)] == [True, True, False]
+    assert not output.is_done("a.obj", "1" * 64)
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [
+        (b'{"file":"a","run":"other"}\n', "another model, or with another --top"),
+        (b'{"my": "data"}\n', "no records of this command"),
+        (b"my data", "no records of this command"),
+        (b"[1]\n", "no records of this command"),
+    ],
+)
+def test_what_others_wrote_is_left_alone(tmp_path: Path, content: bytes, reason: str) -> None:
+    path = tmp_path / "all.jsonl"
+    path.write_bytes(content)
+    with pytest.raises(NotWritten, match=reason):
+        Output(Target(str(path)), RUN)
+    assert path.read_bytes() == content
+    assert os.listdir(tmp_path) == ["all.jsonl"]
+
+
+@pytest.mark.parametrize("resume", [False, True])
+def test_a_table_without_its_journal_is_left_alone(tmp_path: Path, resume: bool) -> None:
+    (tmp_path / "all.csv").write_text("mine")
+    with pytest.raises(NotWritten, match="without the"):
+        Target(str(tmp_path / "all.csv")).check(resume)
+
+
+@pytest.mark.parametrize("path", ["all.txt", "all", "all.json", "s3://bucket/all"])
+def test_forms_that_are_not_written(path: str) -> None:
+    with pytest.raises(NotWritten, match=r"\.jsonl, \.csv, \.parquet"):
+        Target(path)
+
+
+def test_two_do_not_write_the_same(tmp_path: Path, outcome: Callable) -> None:
+    target = Target(str(tmp_path / "all.jsonl"))
+    first = Output(target, RUN)
+    first.add(outcome("a.obj"))
+    with pytest.raises(InUse, match="another process writes"):
+        Output(target, RUN)
+    first.close()
+
+
+def test_a_run_is_told_apart_by_all_that_changes_a_record() -> None:
+    runs = {
+        run_id(model, top, limits)
+        for model in ("1" * 64, "2" * 64)
+        for top in (None, 3)
+        for limits in (Limits(), Limits(faces=10))
+    }
+    assert len(runs) == 8
