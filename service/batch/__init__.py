@@ -3,5 +3,6 @@
 `listing` says which files, one by one; `local` and `remote` know what a file is here and elsewhere.
 `classifying` makes the outcome of one, `engines` those of all. `outputs` keeps them where `targets`
 says: in `journals` so that nothing is lost, with `resuming` so that nothing is done twice, and in
-`tables` for people. None of it knows of the command line.
+`tables` for people; `sorting` puts the files themselves into a folder for each class, and `report`
+is one page to look all of them over. None of it knows of the command line.
 """

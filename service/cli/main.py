@@ -27,6 +27,7 @@ COMMANDS = {
 
 # What each extra installs, by the names under which it is imported.
 EXTRAS = {
+    "report": {"jinja2", "PIL"},
     "data": {"manifold3d", "PIL", "shapely", "skimage"},
     "parquet": {"pyarrow"},
     "remote": {"fsspec"},
@@ -54,7 +55,7 @@ class Commands(click.Group):
         try:
             return super().invoke(ctx)
         except ModuleNotFoundError as error:
-            extra = _extra_with(error.name)
+            extra = _extra_with(error.name, ctx.invoked_subcommand)
             if extra is None:
                 raise
             raise click.ClickException(
@@ -67,10 +68,14 @@ class Commands(click.Group):
             ctx.exit(0)
 
 
-def _extra_with(module: str | None) -> str | None:
-    """The extra that installs a module, named as in `import`, if one does."""
+def _extra_with(module: str | None, command: str | None) -> str | None:
+    """The extra that installs a module, named as in `import`, if one does.
+
+    Pillow is in several: then it is the one that is named like the command, or the first.
+    """
     package = (module or "").partition(".")[0]
-    return next((extra for extra, packages in EXTRAS.items() if package in packages), None)
+    extras = [extra for extra, packages in EXTRAS.items() if package in packages]
+    return command if command in extras else next(iter(extras), None)
 
 
 def _print_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
