@@ -6,7 +6,7 @@ with `.journal`, from which it is made anew by each run that goes on.
 
 import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import BinaryIO
 
@@ -109,9 +109,9 @@ class Output:
                 self._table.add(line)
         self.tally.earlier = self.tally.files
 
-    def is_done(self, name: str, sha256: str) -> bool:
-        """See `IsDone`."""
-        return self._done.take(name, sha256)
+    def done_as(self, name: str) -> Collection[str]:
+        """See `DoneAs`."""
+        return self._done.take(name)
 
     def add(self, outcome: Outcome) -> None:
         """Keep a record. Raises OSError."""

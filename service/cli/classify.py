@@ -103,7 +103,7 @@ def classify(
     with engine:
         sink = _sink(target, run_id(model_id.sha256, top, settings.limits), at_terminal, watch)
         try:
-            watch.follow(engine.outcomes(listing, options, sink.is_done), sink)
+            watch.follow(engine.outcomes(listing, options, sink.done_as), sink)
         except KeyboardInterrupt:
             if target is not None:
                 click.echo(f"{target.path} has what is done: go on with it by --resume", err=True)
