@@ -1,4 +1,5 @@
-"""How all files get their outcomes: one after the other in this process, or in worker processes.
+"""How all files get their outcomes: one after the other in this process, or in worker processes;
+in those of several machines, see `ray_engine`.
 
 An engine knows neither where files come from nor where outcomes go.
 """
@@ -17,6 +18,10 @@ from service.workers import Work, WorkerPool
 # object store takes many times what classifying takes. And how many bytes of them are held.
 HELD_FOR_EACH = 16
 HELD_BYTES = 512 * 2**20
+
+
+class EngineFailed(Exception):
+    """An engine cannot go on; the message says why. The outcomes that it gave stand."""
 
 
 class Engine(Protocol):

@@ -27,6 +27,7 @@ COMMANDS = {
 
 # What each extra installs, by the names under which it is imported.
 EXTRAS = {
+    "ray": {"ray"},
     "data": {"manifold3d", "PIL", "shapely", "skimage"},
     "train": {"torch", "onnx", "onnxscript", "safetensors", "matplotlib"},
 }

@@ -41,7 +41,7 @@ class Lines:
     def __init__(self) -> None:
         self.tally = Tally()
 
-    def done_as(self, _: str) -> Collection[str]:
+    def done_as(self, name: str) -> Collection[str]:
         """See `Sink`."""
         return ()
 
@@ -63,7 +63,7 @@ class Tables:
         self._undisturbed = undisturbed
         self._records: list[dict[str, Any]] = []
 
-    def done_as(self, _: str) -> Collection[str]:
+    def done_as(self, name: str) -> Collection[str]:
         """See `Sink`."""
         return ()
 
