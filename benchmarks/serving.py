@@ -10,7 +10,6 @@ import argparse
 import multiprocessing
 import os
 import platform
-import re
 import socket
 import subprocess
 import sys
@@ -20,12 +19,12 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import trimesh
 
 from benchmarks.http_load import Tally, drive
+from benchmarks.processes import memory_of
 from export.runtime import onnxruntime
 from model.inputs import collate, mesh_inputs
 from model.loading import load_mesh
@@ -195,27 +194,6 @@ def overload(port: int, process: int, content: bytes, best: float, seconds: floa
 def _latency(tally: Tally) -> str:
     median, p95, p99 = np.percentile(tally.latencies, [50, 95, 99]) * 1000
     return f"latency {median:.0f} ms in the middle, p95 {p95:.0f}, p99 {p99:.0f}"
-
-
-def memory_of(root: int) -> float:
-    """MB of a process and all that come from it, what they share counted once."""
-    parents = {}
-    for stat in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            parents[int(stat.parent.name)] = int(stat.read_text().rpartition(")")[2].split()[1])
-        except OSError:
-            continue
-    family = {root}
-    while more := {child for child, parent in parents.items() if parent in family} - family:
-        family |= more
-    total = 0
-    for process in family:
-        try:
-            rollup = Path(f"/proc/{process}/smaps_rollup").read_text()
-        except OSError:
-            continue
-        total += int(re.findall(r"^Pss: +(\d+)", rollup, re.MULTILINE)[0])
-    return total / 1024
 
 
 def main() -> None:

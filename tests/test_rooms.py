@@ -21,7 +21,7 @@ import sys
 from importlib.machinery import PathFinder
 
 EXTRAS = {"torch", "onnx", "onnxscript", "safetensors", "matplotlib"}
-EXTRAS |= {"manifold3d", "PIL", "shapely", "skimage"}
+EXTRAS |= {"manifold3d", "PIL", "shapely", "skimage", "fsspec", "pyarrow"}
 
 class WithoutExtras(PathFinder):
     @classmethod
@@ -103,6 +103,9 @@ def test_classifying_needs_no_extra(name: str) -> None:
         ("train", ["export", "{file}", "-o", "{folder}/model.onnx"]),
         ("train", ["verify", "{file}", "--checkpoint", "{file}"]),
         ("data", ["data", "cubes", "{folder}", "{folder}/out"]),
+        ("remote", ["classify", "memory://meshes"]),
+        ("remote", ["classify", "{mesh}", "--output", "memory://all.csv"]),
+        ("parquet", ["classify", "{mesh}", "--output", "{folder}/all.parquet"]),
     ],
 )
 def test_a_missing_extra_is_named_in_one_line(
@@ -110,11 +113,13 @@ def test_a_missing_extra_is_named_in_one_line(
 ) -> None:
     file = tmp_path / "file"
     file.touch()
-    given = [argument.format(folder=tmp_path, file=file) for argument in arguments]
+    places = {"folder": tmp_path, "file": file, "mesh": sample_paths()["ants"]}
+    given = [argument.format(**places) for argument in arguments]
     done = python(WITHOUT_EXTRAS, *given)
     assert done.returncode == 1
     assert done.stdout == ""
     (line,) = done.stderr.splitlines()
+    assert list(tmp_path.iterdir()) == [file]
     assert f"pip install '.[{extra}]'" in line
 
 

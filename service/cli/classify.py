@@ -11,7 +11,7 @@ from service.cli.shared import read_settings
 
 if TYPE_CHECKING:
     from service.batch.listing import Listing
-    from service.batch.outputs import Target
+    from service.batch.targets import Target
     from service.cli.sinks import Sink
     from service.cli.watching import Watch
 
@@ -108,7 +108,7 @@ def classify(
     settings = read_settings({"workers": workers})
     from service.batch.classifying import Options, run_id
     from service.batch.engines import EngineFailed
-    from service.cli.engines import explaining_engine, open_engine, ray_engine
+    from service.cli.engines import FEW, explaining_engine, open_engine, ray_engine
     from service.cli.watching import Watch
 
     if out is not None:
@@ -133,7 +133,7 @@ def classify(
             raise click.ClickException(str(error)) from None
         finally:
             sink.close()
-    if target is not None or watch.shown:
+    if target is not None or (watch.shown and sink.tally.files > FEW):
         click.echo(watch.summary(sink.tally), err=True)
     ctx.exit(1 if sink.tally.refused else 0)
 
@@ -167,7 +167,7 @@ def _listing(
 
 
 def _target(output: str, resume: bool) -> "Target":
-    from service.batch.outputs import NotWritten, Target
+    from service.batch.targets import NotWritten, Target
 
     try:
         target = Target(output)
@@ -179,7 +179,8 @@ def _target(output: str, resume: bool) -> "Target":
 
 def _sink(target: "Target | None", run: str, at_terminal: bool, watch: "Watch") -> "Sink":
     """Where records go. An output that is not of this run is a usage error."""
-    from service.batch.outputs import NotWritten, Output
+    from service.batch.outputs import Output
+    from service.batch.targets import NotWritten
     from service.cli.sinks import Lines, Tables
 
     if target is None:

@@ -29,6 +29,8 @@ COMMANDS = {
 EXTRAS = {
     "ray": {"ray"},
     "data": {"manifold3d", "PIL", "shapely", "skimage"},
+    "parquet": {"pyarrow"},
+    "remote": {"fsspec"},
     "train": {"torch", "onnx", "onnxscript", "safetensors", "matplotlib"},
 }
 

@@ -3,7 +3,7 @@
 import threading
 import time
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext, suppress
 
 from rich.console import Console
 from rich.progress import (
@@ -11,6 +11,7 @@ from rich.progress import (
     MofNCompleteColumn,
     Progress,
     SpinnerColumn,
+    TaskID,
     TextColumn,
     TimeRemainingColumn,
 )
@@ -77,9 +78,10 @@ class Watch:
             text += f", {tally.earlier} of them earlier"
         return f"{text}; {self._rate(tally)}"
 
-    def _count(self, task) -> None:
+    def _count(self, task: TaskID) -> None:
         # Beside the work: to list files takes a fraction of the time to classify them.
-        self._progress.update(task, total=sum(1 for _ in self._listing))
+        with suppress(OSError):  # which the work itself meets, and tells
+            self._progress.update(task, total=sum(1 for _ in self._listing))
 
     def _rate_and_refusals(self, tally: Tally) -> str:
         refused = f", refused: {tally.reasons()}" if tally.refused else ""

@@ -13,8 +13,9 @@ import pytest
 from model.loading import Limits
 from service.batch.classifying import run_id
 from service.batch.journals import InUse
-from service.batch.outputs import NotWritten, Output, Target
+from service.batch.outputs import Output
 from service.batch.tables import Csv
+from service.batch.targets import NotWritten, Target
 
 RUN = run_id("1" * 64, None, Limits())
 
