@@ -6,7 +6,6 @@ Entries travel, not files: whoever classifies one reads it, and it comes back as
 
 import logging
 import os
-import pickle
 from collections.abc import Iterable, Iterator
 from itertools import islice
 from typing import Any, Self
@@ -15,7 +14,6 @@ from typing import Any, Self
 os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
 os.environ.setdefault("RAY_BACKEND_LOG_LEVEL", "fatal")
 
-import pyarrow as pa
 import ray
 import ray.data
 from ray.exceptions import RayError
@@ -24,7 +22,7 @@ from service.batch.classifying import DoneAs, Options, Outcome
 from service.batch.engines import EngineFailed
 from service.batch.entries import Entry
 from service.batch.local import LocalFile
-from service.batch.ray_actor import OneWorker, unpacked
+from service.batch.ray_actor import OneWorker, packed, unpacked
 from service.batch.shared import SharedFile
 from service.workers import Setup
 
@@ -65,9 +63,8 @@ class Ray:
     ) -> Iterator[Outcome]:
         """See `Engine`. Raises EngineFailed."""
         blocks = _blocks(entries, done_as)
-        while refs := [ray.put(block) for block in islice(blocks, AT_ONCE // BLOCK)]:
-            listed = ray.data.from_arrow_refs(refs)
-            classified = listed.map_batches(
+        while listed := list(islice(blocks, AT_ONCE // BLOCK)):
+            classified = ray.data.from_arrow_refs(listed).map_batches(
                 OneWorker,
                 fn_constructor_args=(self._setup, options),
                 batch_size=None,
@@ -108,12 +105,11 @@ def _connect(address: str | None, workers: int | None) -> None:
         raise EngineFailed(f"{where}: {_said(error)}") from None
 
 
-def _blocks(entries: Iterable[Entry], done_as: DoneAs) -> Iterator[pa.Table]:
-    """Entries as they travel: each with the contents with which it is done."""
+def _blocks(entries: Iterable[Entry], done_as: DoneAs) -> Iterator[ray.ObjectRef]:
+    """Entries as they travel, handed to Ray."""
     rest = iter(entries)
     while some := list(islice(rest, BLOCK)):
-        rows = [pickle.dumps((_travelling(entry), done_as(entry.name))) for entry in some]
-        yield pa.table({"entry": pa.array(rows, pa.binary())})
+        yield ray.put(packed((_travelling(entry), done_as(entry.name)) for entry in some))
 
 
 def _travelling(entry: Entry) -> Entry:
