@@ -21,7 +21,7 @@ import sys
 from importlib.machinery import PathFinder
 
 EXTRAS = {"torch", "onnx", "onnxscript", "safetensors", "matplotlib"}
-EXTRAS |= {"manifold3d", "PIL", "jinja2", "shapely", "skimage", "fsspec", "pyarrow"}
+EXTRAS |= {"manifold3d", "PIL", "jinja2", "shapely", "skimage", "fsspec", "pyarrow", "ray"}
 
 class WithoutExtras(PathFinder):
     @classmethod

@@ -3,7 +3,7 @@
 import hashlib
 import json
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import asdict, dataclass
 
 from model.errors import MeshError, UnusableMesh
@@ -16,8 +16,9 @@ log = logging.getLogger(__name__)
 
 # From a mesh's bytes to its record in JSON; raises MeshError, DeadlineExceeded or TaskFailed.
 Classify = Callable[[Work], bytes]
-# Whether the file of this name, with this SHA-256, need not be classified (again).
-IsDone = Callable[[str, str], bool]
+# With which contents, by their SHA-256, the next file of this name need not be classified (again).
+# Asked for each file once, before it is handed to whoever reads it.
+DoneAs = Callable[[str], Collection[str]]
 
 # Faults that another attempt may not find: they speak of the machine as much as of the file.
 PASSING = frozenset({"deadline", "internal", "too-much-memory", "worker-crashed"})
@@ -53,9 +54,9 @@ def run_id(model_sha256: str, top: int | None, limits: Limits) -> str:
 
 
 def classify_entry(
-    entry: Entry, options: Options, classify: Classify, is_done: IsDone
+    entry: Entry, options: Options, classify: Classify, done: Collection[str]
 ) -> Outcome | None:
-    """The outcome of one file, whatever the file is; None for one that is done.
+    """The outcome of one file, whatever the file is; None for one that is done: see `DoneAs`.
 
     Any engine calls this for each file, in whichever process has a way to `classify`.
     """
@@ -64,7 +65,7 @@ def classify_entry(
         _check_size(entry.size(), options.bytes)
         content = entry.read()
         sha256 = hashlib.sha256(content).hexdigest()
-        if is_done(entry.name, sha256):
+        if sha256 in done:
             return None
         work = Work(options.model, content, entry.name, entry.declared, options.top)
         return Outcome(classify(work), sha256, None)

@@ -1,15 +1,15 @@
-"""How all files get their outcomes: one after the other in this process, or in worker processes.
+"""How all files get their outcomes: one after the other in this process, or in worker processes;
+in those of several machines, see `ray_engine`.
 
 An engine knows neither where files come from nor where outcomes go.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from functools import partial
 from typing import Protocol, Self
 
 from service.batch.budget import Budget
-from service.batch.classifying import Classify, IsDone, Options, Outcome, classify_entry
+from service.batch.classifying import Classify, DoneAs, Options, Outcome, classify_entry
 from service.batch.entries import Entry
 from service.batch.ordering import as_they_come, in_order
 from service.workers import Work, WorkerPool
@@ -20,11 +20,15 @@ HELD_FOR_EACH = 16
 HELD_BYTES = 512 * 2**20
 
 
+class EngineFailed(Exception):
+    """An engine cannot go on; the message says why. The outcomes that it gave stand."""
+
+
 class Engine(Protocol):
     """Turns entries into outcomes, within bounds on what is held, whatever comes."""
 
     def outcomes(
-        self, entries: Iterable[Entry], options: Options, is_done: IsDone
+        self, entries: Iterable[Entry], options: Options, done_as: DoneAs
     ) -> Iterator[Outcome]:
         """The outcome of each file that is not done."""
         ...
@@ -42,11 +46,11 @@ class Here:
         self._classify = classify
 
     def outcomes(
-        self, entries: Iterable[Entry], options: Options, is_done: IsDone
+        self, entries: Iterable[Entry], options: Options, done_as: DoneAs
     ) -> Iterator[Outcome]:
         """See `Engine`."""
         for entry in entries:
-            outcome = classify_entry(entry, options, self._classify, is_done)
+            outcome = classify_entry(entry, options, self._classify, done_as(entry.name))
             if outcome is not None:
                 yield outcome
 
@@ -72,16 +76,18 @@ class Workers:
         self._arranged = in_order if ordered else as_they_come
 
     def outcomes(
-        self, entries: Iterable[Entry], options: Options, is_done: IsDone
+        self, entries: Iterable[Entry], options: Options, done_as: DoneAs
     ) -> Iterator[Outcome]:
         """See `Engine`."""
-        one = partial(self._outcome, options=options, is_done=is_done)
-        begin = partial(self._threads.submit, one)
+
+        def begin(entry: Entry) -> Future[Outcome | None]:
+            return self._threads.submit(self._outcome, entry, options, done_as(entry.name))
+
         return filter(None, self._arranged(begin, entries))
 
-    def _outcome(self, entry: Entry, options: Options, is_done: IsDone) -> Outcome | None:
+    def _outcome(self, entry: Entry, options: Options, done: Collection[str]) -> Outcome | None:
         with self._budget.held(min(entry.size(), options.bytes)):
-            return classify_entry(entry, options, self._classify, is_done)
+            return classify_entry(entry, options, self._classify, done)
 
     def _classify(self, work: Work) -> bytes:
         future: Future = self._pool.submit(work)

@@ -1,6 +1,7 @@
 """The file that records go to: kept in a journal as they come, and never done twice."""
 
 import json
+from collections.abc import Collection
 
 from service.batch.classifying import Outcome
 from service.batch.resuming import Done, fault_of, is_settled, stamped
@@ -33,9 +34,9 @@ class Output:
             self._add_to_table(line)
         self.tally.earlier = self.tally.files
 
-    def is_done(self, name: str, sha256: str) -> bool:
-        """See `IsDone`."""
-        return self._done.take(name, sha256)
+    def done_as(self, name: str) -> Collection[str]:
+        """See `DoneAs`."""
+        return self._done.take(name)
 
     def add(self, outcome: Outcome) -> None:
         """Keep a record. Raises OSError."""

@@ -2,6 +2,7 @@
 
 import json
 import sqlite3
+from collections.abc import Collection
 from hashlib import sha256
 from typing import Any
 
@@ -26,32 +27,38 @@ def is_settled(record: dict[str, Any]) -> bool:
 
 
 class Done:
-    """The files that are done, by name and content. On disk: memory is for what is not done.
-
-    May be used by several threads.
-    """
+    """The files that are done, by name and content. On disk: memory is for what is not done."""
 
     def __init__(self) -> None:
         # Without a name: a database that only this process sees, and that goes with it.
-        self._files = sqlite3.connect("", isolation_level=None, check_same_thread=False)
+        self._files = sqlite3.connect("", isolation_level=None)
         self._files.execute("PRAGMA journal_mode = OFF")
-        self._files.execute("CREATE TABLE done (key BLOB PRIMARY KEY, times INTEGER) WITHOUT ROWID")
+        self._files.execute("CREATE TABLE times (name BLOB PRIMARY KEY, times INTEGER)")
+        self._files.execute("CREATE TABLE contents (name BLOB, sha256 TEXT, UNIQUE (name, sha256))")
 
     def add(self, name: str, content: str) -> None:
         """Note a file, by its name and the SHA-256 of its content."""
+        key = _key(name)
         self._files.execute(
-            "INSERT INTO done VALUES (?, 1) ON CONFLICT DO UPDATE SET times = times + 1",
-            (_key(name, content),),
+            "INSERT INTO times VALUES (?, 1) ON CONFLICT DO UPDATE SET times = times + 1", (key,)
         )
+        self._files.execute("INSERT OR IGNORE INTO contents VALUES (?, ?)", (key, content))
 
-    def take(self, name: str, content: str) -> bool:
-        """Whether a file is done. Said once for each time that it was noted: a file may have been
-        named twice, and then has two records."""
+    def take(self, name: str) -> Collection[str]:
+        """The contents with which the next file of this name is done.
+
+        Given once for each time that the name was noted: a file may have been named twice, and
+        then has two records.
+        """
+        key = _key(name)
         taken = self._files.execute(
-            "UPDATE done SET times = times - 1 WHERE key = ? AND times > 0", (_key(name, content),)
+            "UPDATE times SET times = times - 1 WHERE name = ? AND times > 0", (key,)
         )
-        return taken.rowcount > 0
+        if taken.rowcount == 0:
+            return ()
+        found = self._files.execute("SELECT sha256 FROM contents WHERE name = ?", (key,))
+        return {content for (content,) in found}
 
 
-def _key(name: str, content: str) -> bytes:
-    return sha256(f"{content}{name}".encode()).digest()[:16]
+def _key(name: str) -> bytes:
+    return sha256(name.encode()).digest()[:16]

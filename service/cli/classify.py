@@ -46,6 +46,18 @@ TABLE_TOP = 2
     help="Processes that classify. [default: one for each usable core, or none for a few files]",
 )
 @click.option(
+    "--engine",
+    "engine_name",
+    type=click.Choice(["local", "ray"]),
+    default="local",
+    help="Where files are classified: on this machine, or over a Ray cluster. [default: local]",
+)
+@click.option(
+    "--ray-address",
+    metavar="ADDRESS",
+    help="The cluster, as HOST:PORT or auto. [default: RAY_ADDRESS, or one of this machine alone]",
+)
+@click.option(
     "--explain",
     "out",
     type=click.Path(path_type=Path),
@@ -69,6 +81,8 @@ def classify(
     resume: bool,
     unordered: bool,
     workers: int | None,
+    engine_name: str,
+    ray_address: str | None,
     out: Path | None,
     label: str | None,
 ) -> None:
@@ -85,17 +99,24 @@ def classify(
         raise click.UsageError("--explain works in one process: leave out --workers")
     if resume and output is None:
         raise click.UsageError("--resume goes on with an output: add --output FILE")
+    if ray_address is not None and engine_name != "ray":
+        raise click.UsageError("--ray-address is of a Ray cluster: add --engine ray")
+    if engine_name == "ray" and (out is not None or "-" in paths):
+        raise click.UsageError("--explain and - are for this machine: leave out --engine ray")
     listing = _listing(paths, declared, include, exclude, shard)
     target = None if output is None else _target(output, resume)
     settings = read_settings({"workers": workers})
     from service.batch.classifying import Options, run_id
-    from service.cli.engines import FEW, explaining_engine, open_engine
+    from service.batch.engines import EngineFailed
+    from service.cli.engines import FEW, explaining_engine, open_engine, ray_engine
     from service.cli.watching import Watch
 
-    if out is None:
-        model_id, engine = open_engine(listing, model, settings, workers is None, not unordered)
-    else:
+    if out is not None:
         model_id, engine = explaining_engine(listing, model, out, label)
+    elif engine_name == "ray":
+        model_id, engine = ray_engine(model, settings, workers, not unordered, ray_address)
+    else:
+        model_id, engine = open_engine(listing, model, settings, workers is None, not unordered)
     at_terminal = target is None and not as_json and sys.stdout.isatty()
     top = TABLE_TOP if at_terminal and top is None else top
     options = Options(model_id.name, top, settings.worker_memory_bytes)
@@ -103,11 +124,13 @@ def classify(
     with engine:
         sink = _sink(target, run_id(model_id.sha256, top, settings.limits), at_terminal, watch)
         try:
-            watch.follow(engine.outcomes(listing, options, sink.is_done), sink)
+            watch.follow(engine.outcomes(listing, options, sink.done_as), sink)
         except KeyboardInterrupt:
             if target is not None:
                 click.echo(f"{target.path} has what is done: go on with it by --resume", err=True)
             raise
+        except EngineFailed as error:
+            raise click.ClickException(str(error)) from None
         finally:
             sink.close()
     if target is not None or (watch.shown and sink.tally.files > FEW):

@@ -8,7 +8,7 @@ import click
 
 from export.metadata import ModelFileError
 from service.batch.classifying import Classify
-from service.batch.engines import Engine, Here, Workers
+from service.batch.engines import Engine, EngineFailed, Here, Workers
 from service.batch.entries import StandardInput
 from service.batch.listing import Listing
 from service.batch.local import LocalFile
@@ -38,6 +38,20 @@ def open_engine(
     return model_id, Workers(pool, settings.workers, ordered)
 
 
+def ray_engine(
+    model: str | None, settings: Settings, workers: int | None, ordered: bool, address: str | None
+) -> tuple[ModelId, Engine]:
+    """As `open_engine`, over a Ray cluster; see `Ray`."""
+    from service.batch.ray_engine import Ray
+
+    model_id = _id(load_classifier(model).model)
+    file = ModelFile.read(model or settings.models[0])
+    try:
+        return model_id, Ray(_setup(file, settings), workers, ordered, address)
+    except EngineFailed as error:
+        raise click.ClickException(str(error)) from None
+
+
 def explaining_engine(
     listing: Listing, model: str | None, out: Path, label: str | None
 ) -> tuple[ModelId, Engine]:
@@ -52,15 +66,18 @@ def _start_workers(model: str, settings: Settings) -> WorkerPool:
     # A worker that a file has ended is that file's record.
     logging.getLogger("service.workers").setLevel(logging.ERROR)
     try:
-        files = [ModelFile.read(model)]
-        limits, memory = settings.limits, settings.worker_memory_bytes
-        pool = WorkerPool(Setup(files, limits, memory, settings.deadline_seconds), settings.workers)
+        pool = WorkerPool(_setup(ModelFile.read(model), settings), settings.workers)
         pool.start()
     except (ModelFileError, SelfTestError) as error:
         raise click.UsageError(str(error)) from None
     except NotStarted as error:
         raise click.ClickException(str(error)) from None
     return pool
+
+
+def _setup(file: ModelFile, settings: Settings) -> Setup:
+    limits, memory = settings.limits, settings.worker_memory_bytes
+    return Setup([file], limits, memory, settings.deadline_seconds)
 
 
 def _local(listing: Listing) -> Sequence[str]:

@@ -28,6 +28,7 @@ COMMANDS = {
 # What each extra installs, by the names under which it is imported.
 EXTRAS = {
     "report": {"jinja2", "PIL"},
+    "ray": {"ray"},
     "data": {"manifold3d", "PIL", "shapely", "skimage"},
     "parquet": {"pyarrow"},
     "remote": {"fsspec"},

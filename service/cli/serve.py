@@ -2,16 +2,12 @@
 
 import signal
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin
+from typing import Any, Literal, get_args, get_origin
 
 import click
 from pydantic.fields import FieldInfo
 
-from service.models import ModelFile
 from service.settings import Settings
-
-if TYPE_CHECKING:
-    from service.workers import WorkerPool
 
 
 def settings_options(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -58,6 +54,7 @@ def serve(**flags: Any) -> None:
     from export.metadata import ModelFileError
     from service.classifier import SelfTestError
     from service.cli.shared import read_settings
+    from service.http.behind import start_workers
     from service.http.server import run
     from service.logs import configure_logs
     from service.workers import NotStarted
@@ -66,7 +63,7 @@ def serve(**flags: Any) -> None:
     configure_logs(settings.log_format)
     signal.signal(signal.SIGTERM, _stop)  # until the server takes over
     try:
-        pool = _start_workers(settings)
+        pool = start_workers(settings)
     except (ModelFileError, SelfTestError) as error:
         raise click.UsageError(str(error)) from None
     except NotStarted as error:
@@ -75,16 +72,6 @@ def serve(**flags: Any) -> None:
         run(settings, pool)
     finally:
         pool.stop()
-
-
-def _start_workers(settings: Settings) -> "WorkerPool":
-    from service.workers import Setup, WorkerPool
-
-    files = [ModelFile.read(name) for name in settings.models]
-    setup = Setup(files, settings.limits, settings.worker_memory_bytes, settings.deadline_seconds)
-    pool = WorkerPool(setup, settings.workers)
-    pool.start()
-    return pool
 
 
 def _stop(*_: object) -> None:

@@ -1,7 +1,7 @@
 """Where `classify` puts its records, if not into a file."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from contextlib import AbstractContextManager
 from typing import Any, Protocol
 
@@ -22,8 +22,8 @@ class Sink(Protocol):
 
     tally: Tally
 
-    def is_done(self, name: str, sha256: str) -> bool:
-        """See `IsDone`."""
+    def done_as(self, name: str) -> Collection[str]:
+        """See `DoneAs`."""
         ...
 
     def add(self, outcome: Outcome) -> None:
@@ -41,9 +41,9 @@ class Lines:
     def __init__(self) -> None:
         self.tally = Tally()
 
-    def is_done(self, *_: str) -> bool:
+    def done_as(self, name: str) -> Collection[str]:
         """See `Sink`."""
-        return False
+        return ()
 
     def add(self, outcome: Outcome) -> None:
         """See `Sink`."""
@@ -63,9 +63,9 @@ class Tables:
         self._undisturbed = undisturbed
         self._records: list[dict[str, Any]] = []
 
-    def is_done(self, *_: str) -> bool:
+    def done_as(self, name: str) -> Collection[str]:
         """See `Sink`."""
-        return False
+        return ()
 
     def add(self, outcome: Outcome) -> None:
         """See `Sink`."""

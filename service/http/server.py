@@ -10,6 +10,7 @@ import uvicorn
 
 from service.http.admission import Admission
 from service.http.app import create_app
+from service.http.behind import open_admission
 from service.http.connections import bounded_connection
 from service.http.headers import SECURITY_HEADERS
 from service.settings import Settings
@@ -25,9 +26,7 @@ KEEP_ALIVE_SECONDS = 75
 
 def run(settings: Settings, pool: WorkerPool) -> None:
     """Serve until a signal says to stop, and all that was accepted is answered."""
-    admission = Admission(
-        settings.max_queue_requests, settings.max_queue_bytes, settings.deadline_seconds
-    )
+    admission = open_admission(settings)
     config = uvicorn.Config(
         create_app(pool, admission, settings),
         host=settings.host,

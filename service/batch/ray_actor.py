@@ -1,0 +1,48 @@
+"""What runs on the nodes of a Ray cluster: blocks of entries in, blocks of outcomes out."""
+
+import pickle
+from collections.abc import Collection, Iterable
+
+import pyarrow as pa
+
+from service.batch.classifying import Options, Outcome
+from service.batch.engines import Workers
+from service.batch.entries import Entry
+from service.workers import Setup, WorkerPool
+
+OUTCOMES = pa.schema({"record": pa.binary(), "sha256": pa.string(), "fault": pa.string()})
+
+
+class OneWorker:
+    """The engine of one machine with one worker process, which opens the models once.
+
+    The actor reads the files and the process classifies them: one that breaks its reader costs
+    its own record, as everywhere, and neither the actor nor what else it has in hand. Several
+    blocks may be in hand at a time.
+    """
+
+    def __init__(self, setup: Setup, options: Options) -> None:
+        """Raises ModelFileError, SelfTestError or NotStarted."""
+        pool = WorkerPool(setup, 1)
+        pool.start()
+        self._engine = Workers(pool, 1, ordered=True)
+        self._options = options
+
+    def __call__(self, block: pa.Table) -> pa.Table:
+        """The outcomes of the entries that are not done. block: see `packed`."""
+        rows = [pickle.loads(row) for row in block["entry"].to_pylist()]
+        done = iter([contents for _, contents in rows])
+        entries = [entry for entry, _ in rows]
+        outcomes = self._engine.outcomes(entries, self._options, lambda _: next(done))
+        return pa.Table.from_pylist([vars(outcome) for outcome in outcomes], OUTCOMES)
+
+
+def packed(entries: Iterable[tuple[Entry, Collection[str]]]) -> pa.Table:
+    """A block of entries, each with the contents with which it is done."""
+    rows = [pickle.dumps(entry) for entry in entries]
+    return pa.table({"entry": pa.array(rows, pa.binary())})
+
+
+def unpacked(block: pa.Table) -> list[Outcome]:
+    """The outcomes in a block that came back."""
+    return [Outcome(**row) for row in block.to_pylist()]
