@@ -2,17 +2,20 @@
 
 import os
 
-from pydantic import BaseModel, Field
+from pydantic import AliasChoices, BaseModel, Field, TypeAdapter
 
 from model.errors import MeshError
 from model.preparation import MeshReport
 from service.classifier import Classification
 
+# A word of Python in the records, with another name in here.
+CLASS = AliasChoices("class", "class_")
+
 
 class ClassScore(BaseModel):
     """One class with its calibrated probability and its raw score."""
 
-    class_: str = Field(serialization_alias="class", examples=["snake"])
+    class_: str = Field(validation_alias=CLASS, serialization_alias="class", examples=["snake"])
     probability: float = Field(examples=[0.93])
     score: float = Field(description="logit", examples=[6.1])
 
@@ -28,7 +31,7 @@ class Answer(BaseModel):
     """What one mesh is."""
 
     file: str | None = Field(description="name as given, if any", examples=["snake.obj"])
-    class_: str = Field(serialization_alias="class", examples=["snake"])
+    class_: str = Field(validation_alias=CLASS, serialization_alias="class", examples=["snake"])
     probability: float = Field(examples=[0.93], description="calibrated on validation meshes")
     unknown: bool | None = Field(
         examples=[False],
@@ -58,6 +61,14 @@ class Refusal(BaseModel):
 
     file: str | None
     error: Reason
+
+
+_RECORD: TypeAdapter[Answer | Refusal] = TypeAdapter(Answer | Refusal)
+
+
+def parse_record(content: bytes) -> Answer | Refusal:
+    """A record that left as JSON. Raises ValueError for anything else."""
+    return _RECORD.validate_json(content)
 
 
 def answer(file: str | None, result: Classification, top: int | None = None) -> Answer:

@@ -5,6 +5,7 @@ import json
 import logging
 from collections.abc import Callable, Collection
 from dataclasses import asdict, dataclass
+from typing import Protocol
 
 from model.errors import MeshError, UnusableMesh
 from model.loading import Limits
@@ -14,8 +15,19 @@ from service.workers import DeadlineExceeded, TaskFailed, Work
 
 log = logging.getLogger(__name__)
 
-# From a mesh's bytes to its record in JSON; raises MeshError, DeadlineExceeded or TaskFailed.
-Classify = Callable[[Work], bytes]
+
+class Classified(Protocol):
+    """What classifying a mesh gives: an `Answer` in JSON, and a picture or None."""
+
+    @property
+    def content(self) -> bytes: ...
+
+    @property
+    def picture(self) -> bytes | None: ...
+
+
+# Raises MeshError, DeadlineExceeded or TaskFailed.
+Classify = Callable[[Work], Classified]
 # With which contents, by their SHA-256, the next file of this name need not be classified (again).
 # Asked for each file once, before it is handed to whoever reads it.
 DoneAs = Callable[[str], Collection[str]]
@@ -36,15 +48,17 @@ class Options:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of one file.
+    """What became of one file, which is `entry`.
 
     record: an `Answer` or a `Refusal` in JSON. sha256: of the content; None if it was not read.
-    fault: why it was not classified; None if it was.
+    fault: why it was not classified; None if it was. picture: a PNG of it, or None.
     """
 
+    entry: Entry
     record: bytes
     sha256: str | None
     fault: str | None
+    picture: bytes | None = None
 
 
 def run_id(model_sha256: str, top: int | None, limits: Limits) -> str:
@@ -68,10 +82,12 @@ def classify_entry(
         if sha256 in done:
             return None
         work = Work(options.model, content, entry.name, entry.declared, options.top)
-        return Outcome(classify(work), sha256, None)
+        found = classify(work)
+        return Outcome(entry, found.content, sha256, None, found.picture)
     except (MeshError, OSError, DeadlineExceeded, TaskFailed) as error:
         refused = _refusal(entry.name, error)
-        return Outcome(refused.model_dump_json().encode(), sha256, refused.error.fault)
+        record = refused.model_dump_json().encode()
+        return Outcome(entry, record, sha256, refused.error.fault)
 
 
 def _check_size(size: int, most: int) -> None:

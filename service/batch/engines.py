@@ -12,7 +12,7 @@ from service.batch.budget import Budget
 from service.batch.classifying import Classify, DoneAs, Options, Outcome, classify_entry
 from service.batch.entries import Entry
 from service.batch.ordering import as_they_come, in_order
-from service.workers import Work, WorkerPool
+from service.workers import Record, Work, WorkerPool
 
 # Files that are read or wait for each worker, so that it never waits for one: the way to an
 # object store takes many times what classifying takes. And how many bytes of them are held.
@@ -89,9 +89,8 @@ class Workers:
         with self._budget.held(min(entry.size(), options.bytes)):
             return classify_entry(entry, options, self._classify, done)
 
-    def _classify(self, work: Work) -> bytes:
-        future: Future = self._pool.submit(work)
-        return future.result().content
+    def _classify(self, work: Work) -> Record:
+        return self._pool.submit(work).result()
 
     def __enter__(self) -> Self:
         return self

@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal, Protocol
 
 
@@ -23,6 +24,11 @@ class Entry(Protocol):
     @property
     def declared(self) -> str | None:
         """What tells its format, if anything does."""
+        ...
+
+    @property
+    def local(self) -> Path | None:
+        """Where it lies on this machine, if it does."""
         ...
 
     def size(self) -> int:
@@ -61,6 +67,7 @@ class StandardInput:
     declared: str | None
     name: str = "-"
     below: str = "-"
+    local: None = None
 
     def size(self) -> int:
         return 0

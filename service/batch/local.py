@@ -33,6 +33,10 @@ class LocalFile:
     def declared(self) -> str | None:
         return Path(self.path).suffix
 
+    @property
+    def local(self) -> Path:
+        return Path(self.path)
+
     def size(self) -> int:
         try:
             return os.stat(self.path).st_size

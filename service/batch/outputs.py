@@ -1,7 +1,7 @@
 """The file that records go to: kept in a journal as they come, and never done twice."""
 
 import json
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 
 from service.batch.classifying import Outcome
 from service.batch.resuming import Done, fault_of, is_settled, stamped
@@ -15,8 +15,11 @@ RECORD_START = b'{"file":'
 class Output:
     """An output that is written. tally: what earlier runs have left, and what is added."""
 
-    def __init__(self, target: Target, run: str) -> None:
-        """Create it, or go on with it. run: see `run_id`.
+    def __init__(
+        self, target: Target, run: str, earlier: Callable[[bytes], None] = lambda record: None
+    ) -> None:
+        """Create it, or go on with it. run: see `run_id`. earlier: told of each record that is
+        there already.
 
         Raises OSError, and NotWritten where what is there is of another run.
         """
@@ -32,6 +35,7 @@ class Output:
             self._done.add(record["file"], record["sha256"])
             self.tally.add(fault_of(record))
             self._add_to_table(line)
+            earlier(line)
         self.tally.earlier = self.tally.files
 
     def done_as(self, name: str) -> Collection[str]:

@@ -10,7 +10,15 @@ from service.batch.engines import Workers
 from service.batch.entries import Entry
 from service.workers import Setup, WorkerPool
 
-OUTCOMES = pa.schema({"record": pa.binary(), "sha256": pa.string(), "fault": pa.string()})
+OUTCOMES = pa.schema(
+    {
+        "entry": pa.binary(),
+        "record": pa.binary(),
+        "sha256": pa.string(),
+        "fault": pa.string(),
+        "picture": pa.binary(),
+    }
+)
 
 
 class OneWorker:
@@ -34,7 +42,8 @@ class OneWorker:
         done = iter([contents for _, contents in rows])
         entries = [entry for entry, _ in rows]
         outcomes = self._engine.outcomes(entries, self._options, lambda _: next(done))
-        return pa.Table.from_pylist([vars(outcome) for outcome in outcomes], OUTCOMES)
+        found = [vars(one) | {"entry": pickle.dumps(one.entry)} for one in outcomes]
+        return pa.Table.from_pylist(found, OUTCOMES)
 
 
 def packed(entries: Iterable[tuple[Entry, Collection[str]]]) -> pa.Table:
@@ -45,4 +54,4 @@ def packed(entries: Iterable[tuple[Entry, Collection[str]]]) -> pa.Table:
 
 def unpacked(block: pa.Table) -> list[Outcome]:
     """The outcomes in a block that came back."""
-    return [Outcome(**row) for row in block.to_pylist()]
+    return [Outcome(**row | {"entry": pickle.loads(row["entry"])}) for row in block.to_pylist()]

@@ -3,6 +3,7 @@
 import os
 import socket
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 from service.batch.local import LocalFile
 
@@ -29,6 +30,10 @@ class SharedFile:
     @property
     def declared(self) -> str | None:
         return self.file.declared
+
+    @property
+    def local(self) -> Path:
+        return self.file.local
 
     def size(self) -> int:
         return self.file.size()

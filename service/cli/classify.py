@@ -1,7 +1,7 @@
 """`meshconv3d classify`: files and folders in, a record for each file out."""
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,8 +10,10 @@ import click
 from service.cli.shared import read_settings
 
 if TYPE_CHECKING:
-    from service.batch.listing import Listing
+    from service.batch.classifying import Outcome
+    from service.batch.outputs import Output
     from service.batch.targets import Target
+    from service.batch.uses import Uses
     from service.cli.sinks import Sink
     from service.cli.watching import Watch
 
@@ -58,6 +60,20 @@ TABLE_TOP = 2
     help="The cluster, as HOST:PORT or auto. [default: RAY_ADDRESS, or one of this machine alone]",
 )
 @click.option(
+    "--sort-into",
+    "folder",
+    type=click.Path(file_okay=False, path_type=Path),
+    metavar="DIR",
+    help="Link or copy each file into DIR/CLASS, DIR/unknown or DIR/refused.",
+)
+@click.option(
+    "--report",
+    "page",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="FILE",
+    help="Write one page to FILE.html to look all results over, with pictures.",
+)
+@click.option(
     "--explain",
     "out",
     type=click.Path(path_type=Path),
@@ -83,6 +99,8 @@ def classify(
     workers: int | None,
     engine_name: str,
     ray_address: str | None,
+    folder: Path | None,
+    page: Path | None,
     out: Path | None,
     label: str | None,
 ) -> None:
@@ -103,89 +121,71 @@ def classify(
         raise click.UsageError("--ray-address is of a Ray cluster: add --engine ray")
     if engine_name == "ray" and (out is not None or "-" in paths):
         raise click.UsageError("--explain and - are for this machine: leave out --engine ray")
-    listing = _listing(paths, declared, include, exclude, shard)
-    target = None if output is None else _target(output, resume)
-    settings = read_settings({"workers": workers})
     from service.batch.classifying import Options, run_id
-    from service.batch.engines import EngineFailed
+    from service.batch.uses import Uses
     from service.cli.engines import FEW, explaining_engine, open_engine, ray_engine
+    from service.cli.places import check_folder, listing_of, target_of
     from service.cli.watching import Watch
 
+    listing = listing_of(paths, declared, include, exclude, shard)
+    if folder is not None:
+        check_folder(folder, listing)
+    target = None if output is None else target_of(output, resume)
+    settings = read_settings({"workers": workers})
+    ordered, pictured = not unordered, page is not None
     if out is not None:
         model_id, engine = explaining_engine(listing, model, out, label)
     elif engine_name == "ray":
-        model_id, engine = ray_engine(model, settings, workers, not unordered, ray_address)
+        model_id, engine = ray_engine(model, settings, workers, ordered, pictured, ray_address)
     else:
-        model_id, engine = open_engine(listing, model, settings, workers is None, not unordered)
+        here = workers is None
+        model_id, engine = open_engine(listing, model, settings, here, ordered, pictured)
     at_terminal = target is None and not as_json and sys.stdout.isatty()
     top = TABLE_TOP if at_terminal and top is None else top
     options = Options(model_id.name, top, settings.worker_memory_bytes)
     watch = Watch(listing, shown=at_terminal or not sys.stdout.isatty() or target is not None)
+    uses = Uses(folder, page, model_id, ", ".join(paths))
+    run = run_id(model_id.sha256, top, settings.limits)
     with engine:
-        sink = _sink(target, run_id(model_id.sha256, top, settings.limits), at_terminal, watch)
-        try:
-            watch.follow(engine.outcomes(listing, options, sink.done_as), sink)
-        except KeyboardInterrupt:
-            if target is not None:
-                click.echo(f"{target.path} has what is done: go on with it by --resume", err=True)
-            raise
-        except EngineFailed as error:
-            raise click.ClickException(str(error)) from None
-        finally:
-            sink.close()
+        sink = _output(target, run, uses) if target else _printer(at_terminal, watch)
+        outcomes = uses.of(engine.outcomes(listing, options, sink.done_as))
+        _follow(watch, outcomes, sink, target)
+    uses.close(watch.seconds)
     if target is not None or (watch.shown and sink.tally.files > FEW):
         click.echo(watch.summary(sink.tally), err=True)
     ctx.exit(1 if sink.tally.refused else 0)
 
 
-def _listing(
-    paths: Sequence[str],
-    declared: str | None,
-    include: Sequence[str],
-    exclude: Sequence[str],
-    shard: str | None,
-) -> "Listing":
-    """The files to classify. Paths that name none are a usage error."""
-    from model.loading import FORMATS
-    from service.batch.listing import STDIN, Choice, Listing, NotListed
-    from service.batch.sharding import Shard
-
-    if declared and declared.lower() not in FORMATS:
-        raise click.UsageError(f"unknown --format {declared!r}: choose from {', '.join(FORMATS)}")
-    if declared and STDIN not in paths:
-        raise click.UsageError("--format is for standard input, which no PATH names: add -")
-    if paths.count(STDIN) > 1:
-        raise click.UsageError("- stands for standard input, which holds one mesh: name it once")
-    try:
-        part = None if shard is None else Shard.parse(shard)
-    except ValueError as error:
-        raise click.UsageError(f"--shard {error}") from None
-    try:
-        return Listing(paths, Choice(include, exclude, part), declared)
-    except NotListed as error:
-        raise click.UsageError(str(error)) from None
-
-
-def _target(output: str, resume: bool) -> "Target":
-    from service.batch.targets import NotWritten, Target
-
-    try:
-        target = Target(output)
-        target.check(resume)
-    except NotWritten as error:
-        raise click.UsageError(f"--output {error}") from None
-    return target
-
-
-def _sink(target: "Target | None", run: str, at_terminal: bool, watch: "Watch") -> "Sink":
-    """Where records go. An output that is not of this run is a usage error."""
+def _output(target: "Target", run: str, uses: "Uses") -> "Output":
+    """The output file. One that is not of this run is a usage error."""
     from service.batch.outputs import Output
     from service.batch.targets import NotWritten
-    from service.cli.sinks import Lines, Tables
 
-    if target is None:
-        return Tables(watch.paused) if at_terminal else Lines()
     try:
-        return Output(target, run)
+        return Output(target, run, uses.earlier)
     except NotWritten as error:
         raise click.UsageError(f"--output {error}") from None
+
+
+def _printer(at_terminal: bool, watch: "Watch") -> "Sink":
+    from service.cli.sinks import Lines, Tables
+
+    return Tables(watch.paused) if at_terminal else Lines()
+
+
+def _follow(
+    watch: "Watch", outcomes: "Iterable[Outcome]", sink: "Sink", target: "Target | None"
+) -> None:
+    """Hand all outcomes to the sink, which keeps what it has however that ends."""
+    from service.batch.engines import EngineFailed
+
+    try:
+        watch.follow(outcomes, sink)
+    except KeyboardInterrupt:
+        if target is not None:
+            click.echo(f"{target.path} has what is done: go on with it by --resume", err=True)
+        raise
+    except EngineFailed as error:
+        raise click.ClickException(str(error)) from None
+    finally:
+        sink.close()

@@ -18,28 +18,39 @@ from service.cli.shared import load_classifier
 from service.models import Model, ModelFile
 from service.records import ModelId
 from service.settings import Settings
-from service.workers import NotStarted, Setup, WorkerPool, answer_to
+from service.workers import NotStarted, Setup, WorkerPool, record_of
 
 # As many files are classified in this process before worker processes would be ready.
 FEW = 16
 
 
 def open_engine(
-    listing: Listing, model: str | None, settings: Settings, may_be_here: bool, ordered: bool
+    listing: Listing,
+    model: str | None,
+    settings: Settings,
+    may_be_here: bool,
+    ordered: bool,
+    pictured: bool,
 ) -> tuple[ModelId, Engine]:
     """The engine for some files, and its model: this process for a few if it may be, worker
-    processes for more. A model that cannot serve is a usage error."""
+    processes for more. pictured: with a picture of each. A model that cannot serve is a usage
+    error."""
     if may_be_here and len(listing.first(FEW + 1)) <= FEW:
         classifier = load_classifier(model)
-        return _id(classifier.model), Here(lambda work: answer_to(work, classifier)[1])
-    pool = _start_workers(model or settings.models[0], settings)
+        return _id(classifier.model), Here(lambda work: record_of(work, classifier, pictured))
+    pool = _start_workers(model or settings.models[0], settings, pictured)
     (card,) = pool.models.values()
     model_id = ModelId(name=card["name"], sha256=card["sha256"])
     return model_id, Workers(pool, settings.workers, ordered)
 
 
 def ray_engine(
-    model: str | None, settings: Settings, workers: int | None, ordered: bool, address: str | None
+    model: str | None,
+    settings: Settings,
+    workers: int | None,
+    ordered: bool,
+    pictured: bool,
+    address: str | None,
 ) -> tuple[ModelId, Engine]:
     """As `open_engine`, over a Ray cluster; see `Ray`."""
     from service.batch.ray_engine import Ray
@@ -47,7 +58,7 @@ def ray_engine(
     model_id = _id(load_classifier(model).model)
     file = ModelFile.read(model or settings.models[0])
     try:
-        return model_id, Ray(_setup(file, settings), workers, ordered, address)
+        return model_id, Ray(_setup(file, settings, pictured), workers, ordered, address)
     except EngineFailed as error:
         raise click.ClickException(str(error)) from None
 
@@ -62,11 +73,11 @@ def explaining_engine(
     return _id(classifier.model), Here(classify)
 
 
-def _start_workers(model: str, settings: Settings) -> WorkerPool:
+def _start_workers(model: str, settings: Settings, pictured: bool) -> WorkerPool:
     # A worker that a file has ended is that file's record.
     logging.getLogger("service.workers").setLevel(logging.ERROR)
     try:
-        pool = WorkerPool(_setup(ModelFile.read(model), settings), settings.workers)
+        pool = WorkerPool(_setup(ModelFile.read(model), settings, pictured), settings.workers)
         pool.start()
     except (ModelFileError, SelfTestError) as error:
         raise click.UsageError(str(error)) from None
@@ -75,9 +86,9 @@ def _start_workers(model: str, settings: Settings) -> WorkerPool:
     return pool
 
 
-def _setup(file: ModelFile, settings: Settings) -> Setup:
+def _setup(file: ModelFile, settings: Settings, pictured: bool) -> Setup:
     limits, memory = settings.limits, settings.worker_memory_bytes
-    return Setup([file], limits, memory, settings.deadline_seconds)
+    return Setup([file], limits, memory, settings.deadline_seconds, pictured)
 
 
 def _local(listing: Listing) -> Sequence[str]:

@@ -3,14 +3,21 @@
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import click
 
 if TYPE_CHECKING:
-    from service.batch.classifying import Classify
+    from service.batch.classifying import Classified, Classify
     from service.classifier import Classifier
     from service.workers import Work
+
+
+class Explained(NamedTuple):
+    """See `Classified`."""
+
+    content: bytes
+    picture: None = None
 
 
 def explaining(
@@ -31,12 +38,12 @@ def explaining(
     named = map(readable, files)
     targets = dict(zip(named, _targets(files, out), strict=True))
 
-    def classify(work: "Work") -> bytes:
+    def classify(work: "Work") -> "Classified":
         found = explain(classifier, work.content, work.declared, label)
         name, target = targets[work.file or ""]
         _write(target, FORMS[_extension(target)].write(name, found))
         record = answer(work.file, found.classification, work.top)
-        return record.model_dump_json(by_alias=True).encode()
+        return Explained(record.model_dump_json(by_alias=True).encode())
 
     return classify
 

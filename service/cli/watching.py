@@ -59,6 +59,11 @@ class Watch:
                         task, completed=tally.files, description=self._rate_and_refusals(tally)
                     )
 
+    @property
+    def seconds(self) -> float:
+        """How long it has taken so far."""
+        return time.monotonic() - self._started
+
     @contextmanager
     def paused(self) -> Iterator[None]:
         """Within this, the terminal is another's."""
@@ -88,5 +93,4 @@ class Watch:
         return self._rate(tally) + refused
 
     def _rate(self, tally: Tally) -> str:
-        seconds = max(time.monotonic() - self._started, 1e-3)
-        return f"{(tally.files - tally.earlier) / seconds:.1f} files/s"
+        return f"{(tally.files - tally.earlier) / max(self.seconds, 1e-3):.1f} files/s"

@@ -6,7 +6,7 @@ them work. None of it knows of HTTP.
 """
 
 from service.workers.pool import WorkerPool
-from service.workers.tasks import Record, Setup, TaskFailed, Wanted, Work, answer_to
+from service.workers.tasks import Record, Setup, TaskFailed, Wanted, Work, record_of
 from service.workers.worker import DeadlineExceeded, NotStarted
 
 __all__ = [
@@ -18,5 +18,5 @@ __all__ = [
     "Wanted",
     "Work",
     "WorkerPool",
-    "answer_to",
+    "record_of",
 ]

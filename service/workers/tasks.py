@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from model.errors import MeshError, UnusableMesh
 from model.loading import Limits
+from model.mesh import Mesh
 from service.classifier import Classification, Classifier
 from service.evidence import FORMS, explain
 from service.models import ModelFile
@@ -25,12 +26,14 @@ from service.workers.limits import limit_cpu, limit_memory
 @dataclass(frozen=True)
 class Setup:
     """What every worker is given at its start. memory_bytes: what one mesh may take, above what
-    the models take; seconds: how long one task may compute."""
+    the models take; seconds: how long one task may compute; pictured: whether records have a
+    picture, which needs an extra."""
 
     models: Sequence[ModelFile]
     limits: Limits
     memory_bytes: int
     seconds: float
+    pictured: bool = False
 
 
 @dataclass(frozen=True)
@@ -59,7 +62,7 @@ class Record:
     """What leaves, and what else is to be known of it.
 
     content: an `Answer` in JSON, or an explanation in its form. timings_ms: how long each stage
-    took, in milliseconds.
+    took, in milliseconds. picture: a PNG of the prepared mesh, or None.
 
     scores, probabilities: N_c float32, in the order of the model's classes; label: the likeliest;
     unknown: None for a model without a limit.
@@ -71,6 +74,7 @@ class Record:
     unknown: bool | None
     scores: NDArray[np.float32]
     probabilities: NDArray[np.float32]
+    picture: bytes | None = None
 
 
 class TaskFailed(Exception):
@@ -98,6 +102,8 @@ def warm_up(setup: Setup) -> list[dict[str, Any]]:
     classifiers = [Classifier(file.open(), setup.limits) for file in setup.models]
     for classifier in classifiers:
         classifier.self_test()
+    if setup.pictured:
+        import service.picture  # noqa: F401  # before memory is limited
     gc.freeze()  # the libraries' objects need not be gone through again and again
     limit_memory(setup.memory_bytes)
     _worker = _Worker(setup, {c.model.card.name: c for c in classifiers})
@@ -111,7 +117,7 @@ def classify(work: Work) -> Record:
     """
     limit_cpu(_worker.setup.seconds)
     try:
-        result, content = answer_to(work, _worker.classifiers[work.model])
+        return record_of(work, _worker.classifiers[work.model], _worker.setup.pictured)
     except MeshError as error:
         # A reader takes whatever goes wrong in it for a damaged file.
         if isinstance(error.__cause__, MemoryError):
@@ -122,6 +128,23 @@ def classify(work: Work) -> Record:
     except Exception as error:
         # Some exceptions of libraries cannot be rebuilt on the other side.
         raise TaskFailed(_where(error)) from None
+
+
+def record_of(work: Work, classifier: Classifier, pictured: bool) -> Record:
+    """Classify one mesh, or explain it, in whichever process this is.
+
+    Raises what the classifier raises.
+    """
+    if work.wanted is not None:
+        found = explain(classifier, work.content, work.declared, work.wanted.label)
+        return _record(found.classification, FORMS[work.wanted.form].write(work.file, found))
+    passed = classifier.run(*classifier.read(work.content, work.declared))
+    result = passed.classification
+    content = answer(work.file, result, work.top).model_dump_json(by_alias=True).encode()
+    return _record(result, content, _picture(passed.prepared) if pictured else None)
+
+
+def _record(result: Classification, content: bytes, picture: bytes | None = None) -> Record:
     return Record(
         content,
         result.timings_ms,
@@ -129,19 +152,14 @@ def classify(work: Work) -> Record:
         result.unknown,
         result.scores,
         result.probabilities.astype(np.float32),
+        picture,
     )
 
 
-def answer_to(work: Work, classifier: Classifier) -> tuple[Classification, bytes]:
-    """The result of a mesh, and the bytes that leave, in whichever process this is.
+def _picture(mesh: Mesh) -> bytes:
+    from service.picture import picture
 
-    Raises what the classifier raises.
-    """
-    if work.wanted is not None:
-        found = explain(classifier, work.content, work.declared, work.wanted.label)
-        return found.classification, FORMS[work.wanted.form].write(work.file, found)
-    result = classifier.classify(work.content, work.declared)
-    return result, answer(work.file, result, work.top).model_dump_json(by_alias=True).encode()
+    return picture(mesh)
 
 
 def _where(error: Exception) -> str:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 import pytest
 
 from service.batch.classifying import Outcome
+from service.batch.local import LocalFile
 from service.records import Reason, Refusal
 
 
@@ -17,7 +18,7 @@ def outcome() -> Callable[..., Outcome]:
     def make(name: str, fault: str | None = None, sha256: str | None = "0" * 64) -> Outcome:
         if fault is not None:
             refusal = Refusal(file=name, error=Reason(fault=fault, message="no, \u201cwhy\u201d"))
-            return Outcome(refusal.model_dump_json().encode(), sha256, fault)
+            return Outcome(LocalFile(name), refusal.model_dump_json().encode(), sha256, fault)
         record = {
             "file": name,
             "class": "ring",
@@ -29,7 +30,8 @@ def outcome() -> Callable[..., Outcome]:
             "mesh": {"faces_in": 12, "resampled": "none", "watertight": True},
             "timings_ms": {"read": 1.5},
         }
-        return Outcome(json.dumps(record, separators=(",", ":")).encode(), sha256, None)
+        content = json.dumps(record, separators=(",", ":")).encode()
+        return Outcome(LocalFile(name), content, sha256, None)
 
     return make
 

@@ -14,7 +14,7 @@ from service.batch.engines import Engine, Here, Workers
 from service.batch.listing import Listing
 from service.classifier import Classifier
 from service.models import ModelFile
-from service.workers import Setup, Work, WorkerPool, answer_to
+from service.workers import Setup, Work, WorkerPool, record_of
 
 MEMORY = 2**28
 OPTIONS = Options("tiny", 1, MEMORY)
@@ -23,7 +23,7 @@ OPTIONS = Options("tiny", 1, MEMORY)
 @pytest.fixture
 def here(model_file: Path) -> Engine:
     classifier = Classifier.load(str(model_file))
-    return Here(lambda work: answer_to(work, classifier)[1])
+    return Here(lambda work: record_of(work, classifier, False))
 
 
 @pytest.fixture(scope="module", params=[True, False], ids=["ordered", "unordered"])

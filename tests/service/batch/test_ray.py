@@ -18,7 +18,7 @@ from service.batch.entries import Entry
 from service.batch.listing import Listing
 from service.classifier import Classifier
 from service.models import ModelFile
-from service.workers import Setup, answer_to
+from service.workers import Setup, record_of
 from tests.commands import PROGRAM, environment
 
 pytest.importorskip("ray", reason="needs the extra `ray`")
@@ -65,7 +65,7 @@ def setup(model_file: Path) -> Setup:
 @pytest.fixture
 def here(model_file: Path) -> Here:
     classifier = Classifier.load(str(model_file))
-    return Here(lambda work: answer_to(work, classifier)[1])
+    return Here(lambda work: record_of(work, classifier, False))
 
 
 @dataclass(frozen=True)
@@ -77,6 +77,7 @@ class Noted:
     notes: Path
     below: str = ""
     declared: str | None = ".obj"
+    local: None = None
     seconds: float = field(default=0.05)
 
     def size(self) -> int:

@@ -9,7 +9,7 @@ import pytest
 
 from service.batch.report.collecting import MOST_NAMED, SLOWEST, Report
 from service.batch.report.page import write_page
-from service.batch.report.picture import picture
+from service.picture import picture
 from tests.meshes import torus
 from tests.service.batch.records import MODEL, answer, refusal
 

@@ -9,7 +9,7 @@ from playwright.sync_api import Browser, Page, expect
 
 from service.batch.report.collecting import Report
 from service.batch.report.page import write_page
-from service.batch.report.picture import picture
+from service.picture import picture
 from tests.meshes import cube, icosphere, torus
 from tests.service.batch.records import MODEL, answer, refusal
 

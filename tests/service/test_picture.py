@@ -11,7 +11,7 @@ from model.loading import load_mesh
 from model.mesh import Mesh
 from model.preparation import prepare
 from model.samples import sample_paths
-from service.batch.report.picture import SIZE, picture
+from service.picture import SIZE, picture
 from tests.meshes import icosphere, sheet, torus
 
 

@@ -1,0 +1,57 @@
+"""What the paths of a call name. What is wrong with one is a usage error."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import click
+
+from model.loading import FORMATS
+from service.batch.listing import STDIN, Choice, Listing, NotListed
+from service.batch.sharding import Shard
+from service.batch.targets import NotWritten, Target
+
+
+def listing_of(
+    paths: Sequence[str],
+    declared: str | None,
+    include: Sequence[str],
+    exclude: Sequence[str],
+    shard: str | None,
+) -> Listing:
+    """The files to classify. Paths that name none are a usage error."""
+    if declared and declared.lower() not in FORMATS:
+        raise click.UsageError(f"unknown --format {declared!r}: choose from {', '.join(FORMATS)}")
+    if declared and STDIN not in paths:
+        raise click.UsageError("--format is for standard input, which no PATH names: add -")
+    if paths.count(STDIN) > 1:
+        raise click.UsageError("- stands for standard input, which holds one mesh: name it once")
+    try:
+        part = None if shard is None else Shard.parse(shard)
+    except ValueError as error:
+        raise click.UsageError(f"--shard {error}") from None
+    try:
+        return Listing(paths, Choice(include, exclude, part), declared)
+    except NotListed as error:
+        raise click.UsageError(str(error)) from None
+
+
+def target_of(output: str, resume: bool) -> Target:
+    """Where --output goes."""
+    try:
+        target = Target(output)
+        target.check(resume)
+    except NotWritten as error:
+        raise click.UsageError(f"--output {error}") from None
+    return target
+
+
+def check_folder(folder: Path, listing: Listing) -> None:
+    """A folder to sort into that would itself be classified is a usage error."""
+    if any(place.path == STDIN for place in listing.places):
+        raise click.UsageError("--sort-into is for files: leave out -")
+    for place in listing.places:
+        if place.searched and folder.resolve().is_relative_to(Path(place.path).resolve()):
+            raise click.UsageError(
+                f"--sort-into {folder} lies in {place.path}, and would be classified the next "
+                "time: name a folder beside it"
+            )
