@@ -22,7 +22,7 @@ class Sink(Protocol):
 
     tally: Tally
 
-    def is_done(self, name: str, sha256: str) -> bool:
+    def is_done(self, name: str, sha256: str, /) -> bool:
         """See `IsDone`."""
         ...
 
