@@ -37,9 +37,12 @@ def create_app(pool: WorkerPool, admission: Admission, settings: Settings) -> AS
     serving = Serving(pool, admission, settings, Metrics(pool, admission))
     routes = _Api(settings)
     install_problem_handlers(routes)
-    for router in (v1_routes(serving), v2_routes(serving), probe_routes(serving), page.router):
+    routers = (v1_routes(serving), v2_routes(serving), probe_routes(serving), page.router)
+    for router in routers:
         routes.include_router(router)
     routes.mount("/assets", page.Assets())
+    # The app's own list does not tell of the routes in its routers.
+    known = [*(route for router in routers for route in router.routes), *routes.routes]
     app: ASGIApp = Gate(routes, admission, settings)
     if settings.api_keys:
         app = Keyed(app, settings.api_keys)
@@ -51,7 +54,7 @@ def create_app(pool: WorkerPool, admission: Admission, settings: Settings) -> AS
             allow_headers=CORS_REQUEST_HEADERS,
             expose_headers=CORS_ANSWER_HEADERS,
         )
-    return Observed(app, routes, serving.metrics)
+    return Observed(app, known, serving.metrics)
 
 
 class _Api(FastAPI):
