@@ -16,6 +16,7 @@ from service.http.metrics import Metrics
 from service.http.observing import Observed
 from service.http.probes import probe_routes
 from service.http.problems import install_problem_handlers
+from service.http.refusing import Refusing
 from service.http.serving import Serving
 from service.http.v1 import v1_routes
 from service.http.v2 import v2_routes
@@ -46,6 +47,7 @@ def create_app(pool: WorkerPool, admission: Admission, settings: Settings) -> AS
     app: ASGIApp = Gate(routes, admission, settings)
     if settings.api_keys:
         app = Keyed(app, settings.api_keys)
+    app = Refusing(app)
     if settings.cors_origins:
         app = CORSMiddleware(
             app,

@@ -149,7 +149,7 @@ def test_every_answer_tells_browsers_to_make_nothing_of_it(client: httpx.Client)
         client.get("/nothing"),
         client.get("/v2"),
         client.post("/v1/classify", content=b"#" * 1_000_000),
-        client.request("GET", "/livez", headers={"x": "y" * 100_000}),  # the server's own answer
+        client.request("GET", "/livez", headers={"x": "y" * 100_000}),  # before it is a request
     ]
     for answer in answers:
         assert answer.headers["x-content-type-options"] == "nosniff"
