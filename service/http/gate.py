@@ -108,10 +108,14 @@ class Visit:
         self._admission.leave()
         self._meshes -= 1
 
-    def end(self) -> None:
-        """Give back what the request held, and take back what it no longer waits for."""
+    def take_back(self) -> None:
+        """Drop the work that has not begun."""
         for future in self.futures:
             future.cancel()
+
+    def end(self) -> None:
+        """Give back what the request held, and take back what it no longer waits for."""
+        self.take_back()
         self._admission.release(self._notes.received)
         while self._meshes:
             self.finish()
