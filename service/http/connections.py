@@ -11,7 +11,7 @@ import httptools
 from uvicorn._types import ASGI3Application
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol, RequestResponseCycle
 
-from service.http.errors import BadBody, BadHead, HeadTooLong
+from service.http.errors import BadBody, BadHead, HeadTooLong, UpgradeAsked
 from service.http.refusing import Refusal, crowded
 
 # Request line and headers together, in bytes.
@@ -72,6 +72,8 @@ def bounded_connection(seconds: float, most: int) -> type[asyncio.Protocol]:
             refusal = self._refusal
             if refusal is None and len(self.connections) > most:
                 refusal = crowded(most)
+            if refusal is None and self.parser.should_upgrade() and self._has_body():
+                refusal = UpgradeAsked()
             self._told()["refusal"] = refusal
             super().on_headers_complete()
             self._head_bytes = 0
@@ -124,6 +126,11 @@ def bounded_connection(seconds: float, most: int) -> type[asyncio.Protocol]:
                 self._told()["refusal"] = refusal
                 self.cycle.keep_alive = False
                 self.cycle.message_event.set()
+
+        def _has_body(self) -> bool:
+            return any(
+                name in (b"content-length", b"transfer-encoding") for name, _ in self.headers
+            )
 
         def _told(self) -> dict[str, Any]:
             """What the app is told of the request, beside what is in it."""

@@ -89,3 +89,18 @@ class HeadTooLong(Unreadable):
             "head-too-long",
             limit,
         )
+
+
+class UpgradeAsked(Unreadable):
+    """A request with a body that would rather go on in another protocol.
+
+    The parser takes what follows its head for that protocol, and passes it over.
+    """
+
+    def __init__(self) -> None:
+        super().__init__(
+            "a request with a body cannot change the protocol here; send it as HTTP/1.1, without "
+            "the header Upgrade (curl --http1.1)",
+            HTTPStatus.BAD_REQUEST,
+            "upgrade-with-body",
+        )

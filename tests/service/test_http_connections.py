@@ -131,6 +131,18 @@ def test_what_came_before_is_answered(few: Service) -> None:
     refused(bad, 400, "bad-http")
 
 
+def test_a_body_after_another_protocol_was_asked_for(few: Service) -> None:
+    """As `curl --http2` does; without a body, the wish is passed over."""
+    upgrade = b"Connection: Upgrade\r\nUpgrade: h2c\r\n\r\n"
+    with connection(few) as opened:
+        opened.sendall(head(2).removesuffix(b"\r\n") + upgrade + b"ab")
+        [answer] = told(opened)
+    refused(answer, 400, "upgrade-with-body")
+    with connection(few) as opened:
+        opened.sendall(LIVE_REQUEST.removesuffix(b"\r\n") + upgrade)
+        assert opened.recv(65536).startswith(b"HTTP/1.1 200 ")
+
+
 def test_headers_without_end(few: Service) -> None:
     begun = b"GET /livez HTTP/1.1\r\nX-Padding: "
     with connection(few) as opened:
