@@ -1,5 +1,6 @@
 """Who may ask a running service: API keys, pages of other origins; and what browsers are told."""
 
+import re
 import socket
 from collections.abc import Callable
 from pathlib import Path
@@ -67,6 +68,18 @@ def test_probes_need_no_key(guarded: Service) -> None:
     assert {
         path: httpx.get(f"{guarded.url}{path}").status_code for path in OPEN_PATHS
     } == dict.fromkeys(OPEN_PATHS, 200)
+
+
+def test_the_page_opens_without_a_key(guarded: Service) -> None:
+    """Its files hold no data; what it shows, it asks for with a key."""
+    page = httpx.get(guarded.url)
+    assert page.status_code == 200
+    (script,) = re.findall(r'src="\./(assets/[^"]+\.js)"', page.text)
+    assert httpx.get(f"{guarded.url}/{script}").status_code == 200
+    for path in ("/assets/../v1/models", "/assets/%2e%2e/v1/models", "//v1/models", "/assetsx"):
+        assert httpx.get(f"{guarded.url}{path}").status_code in (401, 404)
+    for path in ("/v1/models", "/v1/samples", "/v1/limits"):
+        assert httpx.get(f"{guarded.url}{path}").status_code == 401
 
 
 def test_the_description_says_where_keys_are_needed(guarded: Service, service: Service) -> None:
