@@ -1,5 +1,7 @@
 // What the service is asked, and what it answers. Paths are relative to the page.
 
+import { keyHeaders } from "./key";
+
 export interface ClassScore {
   class: string;
   probability: number;
@@ -56,6 +58,8 @@ export class Refused extends Error {
     message: string,
     readonly again: boolean,
     readonly requestId: string | null = null,
+    /** Whether the service wants a key, or another one. */
+    readonly wantsKey = false,
   ) {
     super(message);
   }
@@ -70,23 +74,22 @@ const SILENT = new Refused(
   true,
 );
 
-async function get<Value>(path: string): Promise<Value> {
-  const response = await fetch(path).catch(() => {
+async function get(path: string): Promise<Response> {
+  const response = await fetch(path, { headers: keyHeaders() }).catch(() => {
     throw SILENT;
   });
   if (!response.ok) throw refusal(response.status, await response.text());
-  return (await response.json()) as Value;
+  return response;
 }
 
-export const models = async () => (await get<{ models: Model[] }>("v1/models")).models;
-export const samples = async () => (await get<{ samples: Sample[] }>("v1/samples")).samples;
-export const limits = () => get<Limits>("v1/limits");
+const getJson = async <Value>(path: string) => (await (await get(path)).json()) as Value;
+
+export const models = async () => (await getJson<{ models: Model[] }>("v1/models")).models;
+export const samples = async () => (await getJson<{ samples: Sample[] }>("v1/samples")).samples;
+export const limits = () => getJson<Limits>("v1/limits");
 
 export async function sampleFile(sample: Sample): Promise<File> {
-  const response = await fetch(`v1/samples/${encodeURIComponent(sample.file)}`).catch(() => {
-    throw SILENT;
-  });
-  if (!response.ok) throw refusal(response.status, await response.text());
+  const response = await get(`v1/samples/${encodeURIComponent(sample.file)}`);
   return new File([await response.blob()], sample.file);
 }
 
@@ -114,7 +117,8 @@ function post(
     const request = new XMLHttpRequest();
     request.open("POST", `${path}?${new URLSearchParams(query)}`);
     request.responseType = "blob";
-    request.setRequestHeader("accept", accept);
+    const headers = { accept, ...keyHeaders() };
+    for (const [name, value] of Object.entries(headers)) request.setRequestHeader(name, value);
     request.upload.onprogress = (event) => {
       if (event.lengthComputable) progress(event.loaded / event.total);
     };
@@ -145,12 +149,21 @@ function refusal(status: number, text: string): Refused {
   const again = [408, 500, 503, 504].includes(status);
   const title = TITLES[status] ?? "The service failed on this file";
   try {
-    const problem = JSON.parse(text) as { detail: string; request_id: string };
+    const problem = JSON.parse(text) as { detail: string; fault: string; request_id: string };
+    if (status === 401) return keyRefusal(problem.fault, problem.request_id);
     return new Refused(title, sentence(problem.detail), again, problem.request_id);
   } catch {
     // Not from this service, but from something in front of it.
     return new Refused(title, `The answer was HTTP status ${status}.`, again);
   }
+}
+
+function keyRefusal(fault: string, requestId: string): Refused {
+  const [title, message] =
+    fault === "wrong-api-key"
+      ? ["This key is wrong", "The service does not know it. Ask who runs the service for one."]
+      : ["The service asks for a key", "It stays in this tab, and goes to this service alone."];
+  return new Refused(title, message, true, requestId, true);
 }
 
 function sentence(text: string): string {

@@ -56,6 +56,11 @@ export class Entry {
     this.chosen = this.wanted = this.explainError = null;
   }
 
+  /** Why there is no answer, or no explanation. */
+  get error(): Refused | null {
+    return this.state.step === "failed" ? this.state.error : this.explainError;
+  }
+
   get answer(): Answer | null {
     return this.state.step === "done" ? this.state.answer : null;
   }

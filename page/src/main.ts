@@ -2,6 +2,7 @@
 
 import * as api from "./api";
 import { byId, make } from "./dom";
+import { KeyForm } from "./key";
 import { panel } from "./panel/result";
 import { readForView } from "./parsing";
 import { EXTENSIONS, isZUp } from "./parsing/formats";
@@ -22,9 +23,12 @@ const say = (words: string) => {
 };
 const visit = new Visit(render, say);
 const stage = new Stage(() => visit.current && visit.turnUpright(visit.current));
+const keyForm = new KeyForm(() => (visit.models.length ? askAgain() : begin()));
 const add = (files: Iterable<File>) => visit.add(files, modelPicker.value);
 
 function render(): void {
+  const refused = visit.entries.find((one) => one.error?.wantsKey)?.error;
+  if (refused) keyForm.ask(refused);
   const entry = visit.current;
   if (!entry) return;
   stage.show(entry, visit.explains(entry));
@@ -85,13 +89,20 @@ function listen(): void {
   };
 }
 
+/** Ask anew for what failed for want of a key. */
+function askAgain(): void {
+  for (const entry of visit.entries) {
+    if (entry.error?.wantsKey) visit.ask(entry, modelPicker.value);
+  }
+}
+
 async function start(): Promise<void> {
   const [models, limits] = await Promise.all([api.models(), api.limits()]);
   visit.models = models;
   visit.mostBytes = limits.upload_bytes;
   const formats = EXTENSIONS.map((extension) => extension.toUpperCase()).join(" · ");
   byId("accepted").textContent = `${formats}, up to ${megabytes(limits.upload_bytes)}`;
-  modelPicker.append(...models.map(({ name }) => new Option(name)));
+  modelPicker.replaceChildren(...models.map(({ name }) => new Option(name)));
   byId("picker").hidden = false;
   await showSamples();
 }
@@ -99,7 +110,7 @@ async function start(): Promise<void> {
 async function showSamples(): Promise<void> {
   const samples = await api.samples();
   const cards = samples.map((sample) => sampleCard(sample, () => void open(sample)));
-  byId("sample-list").append(...cards.map(({ card }) => card));
+  byId("sample-list").replaceChildren(...cards.map(({ card }) => card));
   byId("samples").hidden = false;
   for (const [i, { image }] of cards.entries()) {
     const file = await api.sampleFile(samples[i]);
@@ -112,16 +123,27 @@ async function open(sample: api.Sample): Promise<void> {
   try {
     add([await api.sampleFile(sample)]);
   } catch (error) {
-    say(api.asRefused(error).message);
+    const refused = api.asRefused(error);
+    if (refused.wantsKey) keyForm.ask(refused);
+    else say(refused.message);
   }
 }
 
+function begin(): void {
+  result.replaceChildren();
+  start().catch((error) => {
+    const refused = api.asRefused(error);
+    if (refused.wantsKey) {
+      keyForm.ask(refused);
+      return;
+    }
+    result.replaceChildren(
+      make("h2", { className: "verdict failed", textContent: refused.title }),
+      make("p", { className: "reason", textContent: refused.message }),
+    );
+    say(`${refused.title}. ${refused.message}`);
+  });
+}
+
 listen();
-start().catch((error) => {
-  const { title, message } = api.asRefused(error);
-  result.replaceChildren(
-    make("h2", { className: "verdict failed", textContent: title }),
-    make("p", { className: "reason", textContent: message }),
-  );
-  say(`${title}. ${message}`);
-});
+begin();

@@ -16,6 +16,7 @@ from service.http.metrics import Metrics
 from service.http.observing import Observed
 from service.http.probes import probe_routes
 from service.http.problems import install_problem_handlers
+from service.http.refusing import Refusing
 from service.http.serving import Serving
 from service.http.v1 import v1_routes
 from service.http.v2 import v2_routes
@@ -37,12 +38,16 @@ def create_app(pool: WorkerPool, admission: Admission, settings: Settings) -> AS
     serving = Serving(pool, admission, settings, Metrics(pool, admission))
     routes = _Api(settings)
     install_problem_handlers(routes)
-    for router in (v1_routes(serving), v2_routes(serving), probe_routes(serving), page.router):
+    routers = (v1_routes(serving), v2_routes(serving), probe_routes(serving), page.router)
+    for router in routers:
         routes.include_router(router)
     routes.mount("/assets", page.Assets())
+    # The app's own list does not tell of the routes in its routers.
+    known = [*(route for router in routers for route in router.routes), *routes.routes]
     app: ASGIApp = Gate(routes, admission, settings)
     if settings.api_keys:
         app = Keyed(app, settings.api_keys)
+    app = Refusing(app)
     if settings.cors_origins:
         app = CORSMiddleware(
             app,
@@ -51,7 +56,7 @@ def create_app(pool: WorkerPool, admission: Admission, settings: Settings) -> AS
             allow_headers=CORS_REQUEST_HEADERS,
             expose_headers=CORS_ANSWER_HEADERS,
         )
-    return Observed(app, routes, serving.metrics)
+    return Observed(app, known, serving.metrics)
 
 
 class _Api(FastAPI):

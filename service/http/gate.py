@@ -8,8 +8,10 @@ from starlette.requests import Request
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from service.http.admission import Admission, Full
+from service.http.errors import UploadTooLarge, UploadTooSlow
 from service.http.notes import Notes
-from service.http.problems import UploadTooLarge, UploadTooSlow, full
+from service.http.problems import full
+from service.http.refusing import refusal_of
 from service.settings import Settings
 from service.workers import Record
 
@@ -55,6 +57,7 @@ class Visit:
     ) -> None:
         self._began = time.monotonic()
         self.expires = self._began + settings.deadline_seconds
+        self._scope = scope
         self._receive = receive
         self._admission = admission
         self._settings = settings
@@ -68,7 +71,7 @@ class Visit:
     async def receive(self) -> Message:
         """The next message of the body, unless there is a reason to stop reading.
 
-        Raises UploadTooLarge, UploadTooSlow or Full.
+        Raises UploadTooLarge, UploadTooSlow, Unreadable or Full.
         """
         if self._complete:
             return await self._receive()
@@ -79,6 +82,8 @@ class Visit:
                 message = await self._receive()
         except TimeoutError:
             raise UploadTooSlow(self._settings.deadline_seconds) from None
+        if (refusal := refusal_of(self._scope)) is not None:
+            raise refusal
         count = len(message.get("body", b""))
         self._admission.hold(count)
         self._notes.received += count
@@ -103,10 +108,14 @@ class Visit:
         self._admission.leave()
         self._meshes -= 1
 
-    def end(self) -> None:
-        """Give back what the request held, and take back what it no longer waits for."""
+    def take_back(self) -> None:
+        """Drop the work that has not begun."""
         for future in self.futures:
             future.cancel()
+
+    def end(self) -> None:
+        """Give back what the request held, and take back what it no longer waits for."""
+        self.take_back()
         self._admission.release(self._notes.received)
         while self._meshes:
             self.finish()

@@ -15,19 +15,22 @@ from service.http.problems import problem
 
 # What asks there has no key: the platform that runs the service.
 OPEN_PATHS = frozenset({"/livez", "/readyz", "/v2/health/live", "/v2/health/ready"})
+# Nor has a browser that opens the page, which then asks for one.
+PAGE, ASSETS = "/", "/assets/"
 
 _CHALLENGE = 'Bearer realm="meshconv3d"'
 
 
 class Keyed:
-    """ASGI middleware: let through who shows one of the keys, and everyone to the probes."""
+    """ASGI middleware: let through who shows one of the keys, and everyone to the probes and to
+    the files of the page."""
 
     def __init__(self, app: ASGIApp, keys: Sequence[SecretStr]) -> None:
         self.app = app
         self._digests = [_digest(key.get_secret_value().encode()) for key in keys]
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] != "http" or scope["path"] in OPEN_PATHS:
+        if scope["type"] != "http" or _is_open(scope["path"]):
             await self.app(scope, receive, send)
             return
         shown = _shown(Headers(scope=scope))
@@ -47,6 +50,10 @@ class Keyed:
         """Compare with every key, in a time that tells nothing of any."""
         digest = _digest(key)
         return sum(hmac.compare_digest(digest, known) for known in self._digests) > 0
+
+
+def _is_open(path: str) -> bool:
+    return path in OPEN_PATHS or path == PAGE or path.startswith(ASSETS)
 
 
 def describe_keys(description: dict[str, Any]) -> None:

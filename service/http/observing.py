@@ -2,10 +2,10 @@
 
 import logging
 import time
+from collections.abc import Sequence
 
-from fastapi import FastAPI
 from starlette.datastructures import Headers
-from starlette.routing import Match
+from starlette.routing import BaseRoute, Match
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from service.http.headers import DATA_POLICY
@@ -21,10 +21,10 @@ NO_ROUTE = "none"
 class Observed:
     """ASGI middleware: note what becomes of each request, and answer with its id and trace.
 
-    routes: the app that knows the routes; app: what stands in front of it.
+    routes: all that there are; app: what leads to them.
     """
 
-    def __init__(self, app: ASGIApp, routes: FastAPI, metrics: Metrics) -> None:
+    def __init__(self, app: ASGIApp, routes: Sequence[BaseRoute], metrics: Metrics) -> None:
         self.app = app
         self.routes = routes
         self.metrics = metrics
@@ -82,7 +82,7 @@ class Observed:
         """The route that answered, or that would have, had the request come so far."""
         if "route" in scope:
             return scope["route"].path
-        for route in self.routes.routes:
+        for route in self.routes:
             match, found = route.matches(scope)
             if match is not Match.NONE:
                 return getattr(found.get("route", route), "path", NO_ROUTE)

@@ -13,6 +13,7 @@ from starlette.requests import ClientDisconnect
 from model.errors import LimitExceeded, MalformedFile, MeshError, UnknownFormat, UnusableMesh
 from service.evidence import NotExplained
 from service.http.admission import Full
+from service.http.errors import TooLarge, Unreadable, UploadTooSlow
 from service.http.notes import notes_of
 from service.records import Reason
 from service.workers import DeadlineExceeded
@@ -25,46 +26,6 @@ STATUSES: dict[type[MeshError], HTTPStatus] = {
     UnusableMesh: HTTPStatus.UNPROCESSABLE_ENTITY,
     LimitExceeded: HTTPStatus.REQUEST_ENTITY_TOO_LARGE,
 }
-
-
-class TooLarge(Exception):
-    """A request that brings more than is taken. fault: a slug; limit: what it is over."""
-
-    def __init__(self, fault: str, limit: int, message: str) -> None:
-        super().__init__(message)
-        self.fault = fault
-        self.limit = limit
-
-
-class UploadTooLarge(TooLarge):
-    """A request body over the limit, in bytes."""
-
-    def __init__(self, limit: int) -> None:
-        super().__init__(
-            "body-too-large",
-            limit,
-            f"the request body is larger than {limit} bytes; simplify the mesh or send a "
-            "binary format (STL, PLY, GLB)",
-        )
-
-
-class TooManyMeshes(TooLarge):
-    """A request with more meshes than one may bring."""
-
-    def __init__(self, limit: int) -> None:
-        super().__init__(
-            "too-many-meshes",
-            limit,
-            f"the request brings more meshes than are taken here, which is {limit}; split it up, "
-            "or see /v1/classify/batch",
-        )
-
-
-class UploadTooSlow(Exception):
-    """A request whose body was not there by its deadline, in seconds."""
-
-    def __init__(self, seconds: float) -> None:
-        super().__init__(f"the request body did not arrive within {seconds:g} s; send it again")
 
 
 class Problem(BaseModel):
@@ -101,6 +62,10 @@ def install_problem_handlers(app: FastAPI) -> None:
         response = problem(request, HTTPStatus.REQUEST_TIMEOUT, "upload-too-slow", str(error))
         response.headers["connection"] = "close"
         return response
+
+    @app.exception_handler(Unreadable)
+    async def no_http(request: Request, error: Unreadable) -> JSONResponse:
+        return unreadable(request, error)
 
     @app.exception_handler(Full)
     async def too_much(request: Request, error: Full) -> JSONResponse:
@@ -154,6 +119,13 @@ async def full(request: Request, error: Full) -> JSONResponse:
     why = reason(error)
     response = problem(request, HTTPStatus.SERVICE_UNAVAILABLE, why.fault, why.message)
     response.headers["retry-after"] = str(error.retry_after)
+    return response
+
+
+def unreadable(request: Request, error: Unreadable) -> JSONResponse:
+    """The answer to what is no request; its connection takes no other."""
+    response = problem(request, error.status, error.fault, str(error), error.limit)
+    response.headers["connection"] = "close"
     return response
 
 

@@ -31,11 +31,12 @@ def run(settings: Settings, pool: WorkerPool) -> None:
         create_app(pool, admission, settings),
         host=settings.host,
         port=settings.port,
-        http=bounded_connection(settings.deadline_seconds + CONNECTION_MARGIN),
+        http=bounded_connection(
+            settings.deadline_seconds + CONNECTION_MARGIN, settings.max_connections
+        ),
         ws="none",
         lifespan="off",
         timeout_keep_alive=KEEP_ALIVE_SECONDS,
-        limit_concurrency=settings.max_connections,
         server_header=False,
         headers=SECURITY_HEADERS,
         log_config=None,

@@ -74,9 +74,11 @@ class Serving:
         visit: Visit = request.state.visit
         notes = notes_of(request)
         outcome: Outcome | None = None
-        for future in futures:
+        for number, future in enumerate(futures):
+            if number and await request.is_disconnected():
+                raise ClientDisconnect
             if not isinstance(outcome, Full):  # the service ends: no more will come
-                outcome = await _outcome(result_of(future, visit.expires, request))
+                outcome = await _outcome(result_of(future, request))
             visit.finish()
             if isinstance(outcome, Exception):
                 notes.outcomes.append(reason(outcome).fault)

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pydantic import BaseModel, Field, ValidationError
 
 from model.errors import MalformedFile
-from service.http.problems import TooLarge, TooManyMeshes
+from service.http.errors import TooLarge, TooManyMeshes
 
 # Reading JSON keeps everyone waiting; meshes of this size and more come as binary data.
 MOST_JSON_BYTES = 4 * 1024 * 1024
@@ -85,7 +85,8 @@ def read_request(
 
 
 def _length(text: str, most: int) -> int:
-    if not (text.isascii() and text.isdigit() and int(text) <= most):
+    # Python reads no number of some thousand digits.
+    if not (text.isascii() and text.isdigit() and len(text) < 20 and int(text) <= most):
         raise malformed(f"{JSON_LENGTH} is not one of 0 to {most}")
     return int(text)
 

@@ -9,7 +9,7 @@ from starlette.formparsers import MultiPartException, MultiPartParser
 
 from model.errors import MalformedFile, UnknownFormat
 from model.loading import FORMATS
-from service.http.problems import TooManyMeshes
+from service.http.errors import TooManyMeshes
 
 MULTIPART = "multipart/form-data"
 # Types that say nothing of the format: the name, if any, and the content decide.

@@ -6,11 +6,14 @@ from dataclasses import asdict
 
 from fastapi import APIRouter, HTTPException, Query, Request, Response
 from fastapi.responses import StreamingResponse
+from starlette.requests import ClientDisconnect
+from starlette.types import Receive, Scope, Send
 
 from service.evidence import FORMS, explained_class
 from service.evidence.records import ExplainedAnswer
 from service.http.description import BINARY, FILE_BODY, FILES_BODY, WORK_ERRORS, problems
 from service.http.negotiation import preferred
+from service.http.notes import notes_of
 from service.http.problems import reason
 from service.http.serving import Outcome, Serving
 from service.http.uploads import Upload, read_upload, read_uploads
@@ -67,7 +70,7 @@ def v1_routes(serving: Serving) -> APIRouter:
         futures = await serving.submit(request, [_work(upload, model, top) for upload in uploads])
         names = [upload.name for upload in uploads]
         lines = _lines(names, serving.outcomes(request, futures))
-        return StreamingResponse(lines, media_type=JSON_LINES)
+        return _Lines(lines, media_type=JSON_LINES)
 
     @router.post(
         "/explain",
@@ -130,6 +133,16 @@ def _acceptable_form(request: Request) -> str:
 
 def _work(upload: Upload, model: str, top: int | None) -> Work:
     return Work(model, upload.content, upload.name, upload.declared, top)
+
+
+class _Lines(StreamingResponse):
+    """Lines that are sent one by one, as long as there is somebody to take them."""
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        try:
+            await self.stream_response(send)
+        except ClientDisconnect:
+            notes_of(Request(scope)).fault = "client-gone"
 
 
 async def _lines(

@@ -7,38 +7,42 @@ from concurrent.futures import Future
 from starlette.requests import ClientDisconnect, Request
 
 from service.http.admission import Full
+from service.http.gate import Visit
 from service.workers import DeadlineExceeded, Record
 
 # How often it is asked whether the client is still there, in seconds.
 POLL_SECONDS = 0.25
 
 
-async def result_of(future: Future[Record], expires: float, request: Request) -> Record:
-    """The result of work in the pool.
+async def result_of(future: Future[Record], request: Request) -> Record:
+    """The result of work that a request has in the pool.
 
-    Work that has not begun is dropped when its deadline has passed or its client has gone. What
-    runs is waited for: its worker keeps the deadline.
+    Work that has not begun is dropped when its deadline has passed, and all of the request's when
+    its client has gone. What runs is waited for: its worker keeps the deadline.
 
     Raises what the work raises, DeadlineExceeded, ClientDisconnect, or Full where the service
     ends before.
     """
     try:
-        return await _result_of(future, expires, request)
+        return await _result_of(future, request)
     except asyncio.CancelledError:
         raise Full("the service was stopped", 1, pause=0.0) from None
 
 
-async def _result_of(future: Future[Record], expires: float, request: Request) -> Record:
+async def _result_of(future: Future[Record], request: Request) -> Record:
+    visit: Visit = request.state.visit
     answer = asyncio.wrap_future(future)
     while not answer.done():
-        left = expires - time.monotonic()
+        left = visit.expires - time.monotonic()
         await asyncio.wait({answer}, timeout=max(min(left, POLL_SECONDS), 0.0))
         if answer.done():
             break
-        if time.monotonic() >= expires:
+        if time.monotonic() >= visit.expires:
             if future.cancel():
                 raise DeadlineExceeded
             break
-        if await request.is_disconnected() and future.cancel():
-            raise ClientDisconnect
+        if await request.is_disconnected():
+            visit.take_back()
+            if future.cancelled():
+                raise ClientDisconnect
     return await answer

@@ -1,5 +1,6 @@
 """POST /v1/classify/batch on a running service: several files, a line for each, in order."""
 
+import asyncio
 import json
 import time
 from collections.abc import Callable, MutableMapping
@@ -125,41 +126,81 @@ class PatientPool(WorkerPool):
         return self.futures[-1]
 
 
+class Played:
+    """A batch of three meshes whose results, and whose client, the test plays."""
+
+    def __init__(self) -> None:
+        self.pool = PatientPool()
+        self.app = create_app(self.pool, Admission(9, 9999, 9.0), Settings())
+        self.request = httpx.Request(
+            "POST", "http://any/v1/classify/batch", files=form(*[("a.obj", b"v")] * 3)
+        )
+        self.leaves = asyncio.Event()
+        self.sent: list[bytes] = []
+        self._asked = False
+
+    async def run(self) -> None:
+        headers = [(name.lower(), value) for name, value in self.request.headers.raw]
+        scope = {"type": "http", "method": "POST", "path": self.request.url.path}
+        scope |= {"query_string": b"", "headers": headers}
+        await self.app(scope, self._receive, self._send)
+
+    async def begun(self) -> None:
+        while len(self.pool.futures) < 3:
+            await anyio.sleep(0.01)
+
+    def finish(self, number: int) -> None:
+        record = Record(b"%d" % number, {}, "any", None, NOTHING, NOTHING)
+        self.pool.futures[number].set_result(record)
+
+    async def _receive(self) -> dict:
+        if not self._asked:
+            self._asked = True
+            return {"type": "http.request", "body": self.request.read()}
+        await self.leaves.wait()
+        return {"type": "http.disconnect"}
+
+    async def _send(self, message: MutableMapping[str, Any]) -> None:
+        self.sent.append(message.get("body", b""))
+
+
 def test_lines_leave_as_soon_as_they_and_those_before_are_done() -> None:
-    pool = PatientPool()
-    app = create_app(pool, Admission(9, 9999, 9.0), Settings())
-    request = httpx.Request(
-        "POST", "http://any/v1/classify/batch", files=form(*[("a.obj", b"v")] * 3)
-    )
-    body = anyio.Event()
-    sent: list[bytes] = []
-
-    async def receive() -> dict:
-        if body.is_set():
-            await anyio.sleep_forever()
-        body.set()
-        return {"type": "http.request", "body": request.read()}
-
-    async def send(message: MutableMapping[str, Any]) -> None:
-        sent.append(message.get("body", b""))
-
-    async def ask(scope: dict[str, Any]) -> None:
-        await app(scope, receive, send)
-
     async def play() -> None:
-        headers = [(name.lower(), value) for name, value in request.headers.raw]
-        scope = {"type": "http", "method": "POST", "path": request.url.path, "headers": headers}
+        played = Played()
         async with anyio.create_task_group() as group:
-            group.start_soon(ask, scope | {"query_string": b""})
+            group.start_soon(played.run)
+            await played.begun()
             for done, expected in ((1, b""), (0, b"0\n1\n"), (2, b"0\n1\n2\n")):
-                while len(pool.futures) < 3:
-                    await anyio.sleep(0.01)
-                record = Record(b"%d" % done, {}, "any", None, NOTHING, NOTHING)
-                pool.futures[done].set_result(record)
+                played.finish(done)
                 await anyio.sleep(0.6)  # longer than anyone looks away
-                assert b"".join(sent) == expected
+                assert b"".join(played.sent) == expected
 
     anyio.run(play)
+
+
+@pytest.mark.parametrize("running", [False, True])
+def test_who_leaves_midway_is_told_apart(caplog: pytest.LogCaptureFixture, running: bool) -> None:
+    caplog.set_level("INFO", "service.http.observing")
+
+    async def play() -> None:
+        played = Played()
+        async with anyio.create_task_group() as group:
+            group.start_soon(played.run)
+            await played.begun()
+            futures = played.pool.futures
+            played.finish(0)
+            if running:
+                futures[1].set_running_or_notify_cancel()
+            played.leaves.set()
+            while not futures[2].cancelled():
+                await anyio.sleep(0.01)
+            if running:
+                played.finish(1)
+            assert futures[1].cancelled() != running
+
+    anyio.run(play)
+    line = caplog.records[-1]
+    assert (line.status, line.fault) == (200, "client-gone")  # type: ignore[attr-defined]
 
 
 def test_the_deadline_is_that_of_the_whole_batch(narrow: Service, meshes: Path) -> None:
@@ -180,6 +221,8 @@ def test_who_leaves_takes_back_what_has_not_begun(narrow: Service, meshes: Path)
             httpx.post(f"{narrow.url}/v1/classify/batch", files=files, timeout=1)
         until(lambda: queue(narrow) == 0)
         assert time.monotonic() - started < 4  # before the deadline
+    gone = 'fault="client-gone",route="/v1/classify/batch",status="200"} 1.0'
+    assert gone in httpx.get(f"{narrow.url}/metrics").text
     until(lambda: httpx.get(f"{narrow.url}/readyz").status_code == 200)
     assert httpx.post(f"{narrow.url}/v1/classify", content=ring).status_code == 200
     assert "Traceback" not in narrow.log.read_text()

@@ -1,5 +1,6 @@
 """Who may ask a running service: API keys, pages of other origins; and what browsers are told."""
 
+import re
 import socket
 from collections.abc import Callable
 from pathlib import Path
@@ -67,6 +68,18 @@ def test_probes_need_no_key(guarded: Service) -> None:
     assert {
         path: httpx.get(f"{guarded.url}{path}").status_code for path in OPEN_PATHS
     } == dict.fromkeys(OPEN_PATHS, 200)
+
+
+def test_the_page_opens_without_a_key(guarded: Service) -> None:
+    """Its files hold no data; what it shows, it asks for with a key."""
+    page = httpx.get(guarded.url)
+    assert page.status_code == 200
+    (script,) = re.findall(r'src="\./(assets/[^"]+\.js)"', page.text)
+    assert httpx.get(f"{guarded.url}/{script}").status_code == 200
+    for path in ("/assets/../v1/models", "/assets/%2e%2e/v1/models", "//v1/models", "/assetsx"):
+        assert httpx.get(f"{guarded.url}{path}").status_code in (401, 404)
+    for path in ("/v1/models", "/v1/samples", "/v1/limits"):
+        assert httpx.get(f"{guarded.url}{path}").status_code == 401
 
 
 def test_the_description_says_where_keys_are_needed(guarded: Service, service: Service) -> None:
@@ -149,7 +162,7 @@ def test_every_answer_tells_browsers_to_make_nothing_of_it(client: httpx.Client)
         client.get("/nothing"),
         client.get("/v2"),
         client.post("/v1/classify", content=b"#" * 1_000_000),
-        client.request("GET", "/livez", headers={"x": "y" * 100_000}),  # the server's own answer
+        client.request("GET", "/livez", headers={"x": "y" * 100_000}),  # before it is a request
     ]
     for answer in answers:
         assert answer.headers["x-content-type-options"] == "nosniff"

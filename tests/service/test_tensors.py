@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from model.errors import MalformedFile
-from service.http.problems import TooLarge
+from service.http.errors import TooLarge
 from service.http.tensors_in import MOST_JSON_BYTES, InferenceRequest, read_request
 from service.http.tensors_out import Output, answer
 
