@@ -22,7 +22,10 @@ BLOCK = 1024
 
 
 class PatchLinear(torch.autograd.Function):
-    """The matrix of a `model.layers.PatchConvolution` over its patches: N x C_in, N x (K - 1), C_out x 3 C_in -> N x C_out."""
+    """`patch_statistics` of `model.layers` times a matrix.
+
+    N x C_in, N x (K - 1), C_out x 3 C_in -> N x C_out.
+    """
 
     @staticmethod
     def forward(ctx, features: Tensor, neighbours: Tensor, weight: Tensor, summed: bool) -> Tensor:
