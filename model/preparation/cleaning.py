@@ -150,10 +150,11 @@ def split_vertices(
     edge has more than two faces.
     """
     fan = _glue_corners(faces, twin)
-    roots, first, corner_fan = np.unique(fan, return_index=True, return_inverse=True)
-    split_faces = corner_fan.reshape(faces.shape).astype(np.int32)
-    origin = faces.reshape(-1)[first]
-    return vertices[origin], split_faces, len(roots) - len(np.unique(origin))
+    # Every fan becomes a vertex, in the order of its first corner, which is its root.
+    is_root = fan == np.arange(len(fan))
+    split_faces = (np.cumsum(is_root) - 1)[fan].reshape(faces.shape).astype(np.int32)
+    origin = faces.reshape(-1)[is_root]
+    return vertices[origin], split_faces, len(origin) - int(np.count_nonzero(np.bincount(origin)))
 
 
 @kernel
@@ -193,13 +194,23 @@ def wind_alike(
     one-sided surface (a Moebius strip) runs against itself.
     """
     _, flip, _ = _spread_orientation(faces, twin)
-    h = np.flatnonzero(twin >= 0)
-    f, g = h // 3, twin[h] // 3
-    # Two faces wound alike run along their shared edge in opposite directions.
-    opposed = faces[f, h % 3] == faces[g, twin[h] % 3]
+    return flip, _cut_against(faces, twin, flip)
+
+
+@kernel
+def _cut_against(
+    faces: NDArray[np.int32], twin: NDArray[np.int32], flip: NDArray[np.bool_]
+) -> NDArray[np.int32]:
+    """The twins without those of faces that run against each other even so."""
     cut = twin.copy()
-    cut[h[opposed ^ flip[f] ^ flip[g]]] = -1
-    return flip, cut
+    for h in range(len(twin)):
+        t = twin[h]
+        if t >= 0:
+            # Two faces wound alike run along their shared edge in opposite directions.
+            opposed = faces[h // 3, h % 3] == faces[t // 3, t % 3]
+            if opposed ^ flip[h // 3] ^ flip[t // 3]:
+                cut[h] = -1
+    return cut
 
 
 @kernel
