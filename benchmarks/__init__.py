@@ -1,1 +1,1 @@
-"""Measurements, each repeatable with one command: `python -m benchmarks.NAME`."""
+"""Measurements: `python -m benchmarks`; those that need data, `python -m benchmarks.NAME DATA`."""

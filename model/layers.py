@@ -3,7 +3,7 @@
 import torch
 from torch import Tensor, nn
 
-from model.fused import GatherMean, PatchStatistics
+from model.fused import GatherMean, PatchLinear
 
 # Added to the mean weight of a channel that no face of a mesh has anything in.
 LEAST_WEIGHT = 1e-6
@@ -87,14 +87,16 @@ class PatchConvolution(nn.Module):
         self.norm = nn.BatchNorm1d(channels_out)
 
     def forward(self, features: Tensor, patches: Tensor) -> Tensor:
-        statistics = patch_statistics(features, patches[:, 1:], self.summed)
-        return torch.relu(self.norm(self.linear(statistics)))
+        neighbours = patches[:, 1:]
+        if is_fused(features):
+            mixed = PatchLinear.apply(features, neighbours, self.linear.weight, self.summed)
+        else:
+            mixed = self.linear(patch_statistics(features, neighbours, self.summed))
+        return torch.relu(self.norm(mixed))
 
 
 def patch_statistics(features: Tensor, neighbours: Tensor, summed: bool = False) -> Tensor:
     """(centre, mean, mean absolute difference): N x C, N x (K - 1) -> N x 3 C; or sums."""
-    if is_fused(features):
-        return PatchStatistics.apply(features, neighbours, summed)
     if neighbours.shape[1] == 0:  # K = 1
         return torch.cat([features, torch.zeros_like(features), torch.zeros_like(features)], dim=1)
     rows = gather_rows(features, neighbours)  # N x (K - 1) x C

@@ -21,6 +21,7 @@ from model.preparation.cleaning import (
 )
 from model.preparation.report import MeshReport
 from model.preparation.resampling import decimate, subdivide
+from model.preparation.triangles import farthest, measure_faces
 
 __all__ = [
     "MeshReport",
@@ -110,8 +111,7 @@ def surface_area(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> flo
 
 def face_areas(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> NDArray[np.float64]:
     """Area of each triangle, F float64, in the square of the vertices' unit."""
-    a, b, c = vertices[faces].transpose(1, 0, 2)
-    return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+    return measure_faces(vertices, faces)[2]
 
 
 def into_unit_sphere(
@@ -129,6 +129,6 @@ def _sphere(
 
     The centroid is weighted by area: that of the vertices would move with the triangulation.
     """
-    a, b, c = vertices[faces].transpose(1, 0, 2)
-    centre = np.average((a + b + c) / 3, axis=0, weights=face_areas(vertices, faces))
-    return centre, float(np.linalg.norm(vertices - centre, axis=1).max())
+    centroids, _, areas = measure_faces(vertices, faces)
+    centre = np.average(centroids, axis=0, weights=areas)
+    return centre, farthest(vertices, centre)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from model.errors import UnusableMesh
 from model.kernels import kernel
 from model.mesh import Mesh
+from model.preparation.triangles import bounds, enclose, have_height, measure_faces
 from model.topology.halfedges import find_twins
 
 # The welding grid divides each axis of the unit box into 2^20 steps, 1e-6 of the mesh's size:
@@ -81,8 +82,7 @@ def _into_unit_box(mesh: Mesh) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
 
 def bounding_cube(mesh: Mesh) -> tuple[NDArray[np.float64], float]:
     """Lowest corner, 3 float64, and side of the least cube from there around all faces."""
-    corners = mesh.vertices[mesh.faces].reshape(-1, 3)
-    low, high = corners.min(axis=0), corners.max(axis=0)
+    low, high = bounds(mesh.vertices, mesh.faces)
     return low, float((high - low).max())
 
 
@@ -108,10 +108,8 @@ def drop_degenerate(
     vertices: NDArray[np.float64], faces: NDArray[np.int32]
 ) -> tuple[NDArray[np.int32], int]:
     """Drop faces that name a vertex twice or have no height. Returns (faces, dropped)."""
-    a, b, c = vertices[faces].transpose(1, 0, 2)
-    twice_area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    longest = np.max([np.sum((p - q) ** 2, axis=1) for p, q in ((a, b), (b, c), (c, a))], axis=0)
-    sound = faces[twice_area > FLATNESS * longest]
+    _, _, areas = measure_faces(vertices, faces)
+    sound = faces[have_height(vertices, faces, areas, FLATNESS)]
     return sound, len(faces) - len(sound)
 
 
@@ -152,10 +150,11 @@ def split_vertices(
     edge has more than two faces.
     """
     fan = _glue_corners(faces, twin)
-    roots, first, corner_fan = np.unique(fan, return_index=True, return_inverse=True)
-    split_faces = corner_fan.reshape(faces.shape).astype(np.int32)
-    origin = faces.reshape(-1)[first]
-    return vertices[origin], split_faces, len(roots) - len(np.unique(origin))
+    # Every fan becomes a vertex, in the order of its first corner, which is its root.
+    is_root = fan == np.arange(len(fan))
+    split_faces = (np.cumsum(is_root) - 1)[fan].reshape(faces.shape).astype(np.int32)
+    origin = faces.reshape(-1)[is_root]
+    return vertices[origin], split_faces, len(origin) - int(np.count_nonzero(np.bincount(origin)))
 
 
 @kernel
@@ -195,13 +194,23 @@ def wind_alike(
     one-sided surface (a Moebius strip) runs against itself.
     """
     _, flip, _ = _spread_orientation(faces, twin)
-    h = np.flatnonzero(twin >= 0)
-    f, g = h // 3, twin[h] // 3
-    # Two faces wound alike run along their shared edge in opposite directions.
-    opposed = faces[f, h % 3] == faces[g, twin[h] % 3]
+    return flip, _cut_against(faces, twin, flip)
+
+
+@kernel
+def _cut_against(
+    faces: NDArray[np.int32], twin: NDArray[np.int32], flip: NDArray[np.bool_]
+) -> NDArray[np.int32]:
+    """The twins without those of faces that run against each other even so."""
     cut = twin.copy()
-    cut[h[opposed ^ flip[f] ^ flip[g]]] = -1
-    return flip, cut
+    for h in range(len(twin)):
+        t = twin[h]
+        if t >= 0:
+            # Two faces wound alike run along their shared edge in opposite directions.
+            opposed = faces[h // 3, h % 3] == faces[t // 3, t % 3]
+            if opposed ^ flip[h // 3] ^ flip[t // 3]:
+                cut[h] = -1
+    return cut
 
 
 @kernel
@@ -248,25 +257,17 @@ def face_inward(
     it, as for a single sheet, it keeps the winding of most of its faces.
     """
     component, _, count = _spread_orientation(faces, twin)
-
-    def total(per_face: NDArray) -> NDArray[np.float64]:
-        return np.bincount(component, per_face, count).astype(np.float64)
-
-    corners = vertices[faces]
-    area_normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
-    face_areas = np.linalg.norm(area_normals, axis=1)
-    centroids = corners.mean(axis=1)
-    areas = total(face_areas)
-    centres = np.stack([total(face_areas * centroids[:, k]) / areas for k in range(3)], axis=1)
-    volumes = total(np.sum((centroids - centres[component]) * area_normals, axis=1)) / 3
-    borders = total((twin.reshape(-1, 3) < 0).sum(axis=1))
-    least = np.where(borders > 0, OPEN_VOLUME, CLOSED_VOLUME) * areas**1.5
+    centroids, area_normals, face_areas = measure_faces(vertices, faces)
     middle = np.average(centroids, axis=0, weights=face_areas)
-    outwards = total(np.sum((centroids - middle) * area_normals, axis=1)) / 3
+    areas, volumes, outwards = enclose(
+        component, count, centroids, area_normals, face_areas, middle
+    )
+    borders = np.bincount(component, (twin.reshape(-1, 3) < 0).sum(axis=1), count)
+    least = np.where(borders > 0, OPEN_VOLUME, CLOSED_VOLUME) * areas**1.5
     turn = np.select(
         [np.abs(volumes) > least, np.abs(outwards) > OPEN_VOLUME * areas**1.5],
         [volumes < 0, outwards < 0],
-        total(winding) < 0,
+        np.bincount(component, winding, count) < 0,
     )
     return turn[component], count
 
