@@ -1,4 +1,4 @@
-"""What an installation weighs, and how soon it serves: `python -m benchmarks footprint`.
+"""What an installation weighs, and how soon it serves: `python -m benchmarks run footprint`.
 
 Installs the package as a user does, with pip into a new virtual environment, which takes minutes
 and the network where pip has nothing in its cache.

@@ -1,4 +1,4 @@
-"""Time and memory against the number of faces: `python -m benchmarks growth`.
+"""Time and memory against the number of faces: `python -m benchmarks run growth`.
 
 Every stage from 500 to a million faces, each size in a process of its own, and the exponent that
 fits its times; that of preparation leaves out the mesh that fits the budget and is not decimated. A

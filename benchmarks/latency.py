@@ -1,4 +1,4 @@
-"""One mesh of 500 faces on one core: `python -m benchmarks latency`.
+"""One mesh of 500 faces on one core: `python -m benchmarks run latency`.
 
 The time of every stage from the bytes of a file to scores, that of the whole, and onnxruntime
 beside torch on the same graph.

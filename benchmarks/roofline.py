@@ -1,4 +1,4 @@
-"""How far every stage is from the least it could take: `python -m benchmarks roofline`.
+"""How far every stage is from the least it could take: `python -m benchmarks run roofline`.
 
 The floor of a node of the graph is the longer of its operations at this machine's rate for matrix
 products and its bytes at the rate at which this machine copies from cache to cache; both rates are

@@ -1,4 +1,4 @@
-"""What one machine serves: `python -m benchmarks serving`.
+"""What one machine serves: `python -m benchmarks run serving`.
 
 Three tables in one run. The pipeline alone, from the bytes of a 500-face binary STL to scores, in
 several processes, several threads, several meshes to one run of the graph, and with one or two

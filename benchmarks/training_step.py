@@ -1,4 +1,4 @@
-"""One training step on 50 meshes of 500 faces: `python -m benchmarks training_step`.
+"""One training step on 50 meshes of 500 faces: `python -m benchmarks run training_step`.
 
 Forward and backward of the model's network on one thread, each variant in a process of its own: its
 time, and its peak memory above what the process held before the step.

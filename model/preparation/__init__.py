@@ -1,7 +1,8 @@
 """The one way from any triangle mesh to what the network eats.
 
-`cleaning` makes an oriented manifold, `resampling` brings it to the face budget, `report` says
-what both did. Training, export checks, the command line and the service all come through here.
+`cleaning` makes an oriented manifold, `coarsening` and `resampling` bring it to the face budget,
+`report` says what they did. Training, export checks, the command line and the service all come
+through here.
 """
 
 from dataclasses import dataclass
@@ -19,6 +20,7 @@ from model.preparation.cleaning import (
     drop_degenerate,
     drop_unused,
 )
+from model.preparation.coarsening import coarsen
 from model.preparation.report import MeshReport
 from model.preparation.resampling import decimate, subdivide
 from model.preparation.triangles import farthest, measure_faces
@@ -94,7 +96,7 @@ def _resample(
     vertices: NDArray[np.float64], faces: NDArray[np.int32], budget: int
 ) -> tuple[NDArray[np.float64], NDArray[np.int32], Literal["none", "decimated", "subdivided"]]:
     if len(faces) > budget:
-        fewer, fewer_faces = decimate(vertices, faces, budget)
+        fewer, fewer_faces = decimate(*coarsen(vertices, faces, budget), budget)
         if len(fewer_faces) == len(faces):
             return vertices, faces, "none"
         fewer, fewer_faces = drop_unused(fewer, drop_degenerate(fewer, fewer_faces)[0])

@@ -1,0 +1,51 @@
+"""A quick first simplification of meshes with very many faces.
+
+The careful one (`resampling.decimate`) takes sixteen times as long as fast-simplification, which
+in turn may glue and fold what it simplifies. Far above the face budget there is room for that: what
+it leaves is cleaned again, and simplified on with care.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.errors import UnusableMesh
+from model.mesh import Mesh
+from model.preparation.cleaning import bounding_cube, clean
+from model.preparation.triangles import measure_faces
+
+# Faces up to which care costs no more than a fifth of a second.
+MOST_FACES = 20_000
+# What is left, in face budgets.
+ROOM = 4
+# A coarse mesh whose area is farther off than this has lost parts, and is not used.
+AREA_KEPT = (0.9, 1.1)
+
+
+def coarsen(
+    vertices: NDArray[np.float64], faces: NDArray[np.int32], budget: int
+) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """A clean mesh of about ROOM times `budget` faces in the place of one with more than
+    MOST_FACES. Any other is returned as it is, and so is one that this would damage."""
+    if len(faces) <= MOST_FACES:
+        return vertices, faces
+    # fast-simplification is compiled, and loaded only where there is use for it.
+    import fast_simplification
+
+    coarse = fast_simplification.simplify(vertices, faces, target_count=ROOM * budget)
+    try:
+        fewer, fewer_faces = _cleaned(Mesh(*coarse[:2]))
+    except UnusableMesh:
+        return vertices, faces
+    kept = _area(fewer, fewer_faces) / _area(vertices, faces)
+    return (fewer, fewer_faces) if AREA_KEPT[0] <= kept <= AREA_KEPT[1] else (vertices, faces)
+
+
+def _cleaned(mesh: Mesh) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """Clean, and stay in place."""
+    corner, size = bounding_cube(mesh)
+    vertices, faces, _ = clean(mesh)
+    return vertices * size + corner, faces
+
+
+def _area(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> float:
+    return float(measure_faces(vertices, faces)[2].sum())
