@@ -45,7 +45,8 @@ def remote_errors() -> Iterator[None]:
 
 @dataclass(frozen=True)
 class RemoteFile:
-    """A file behind a URL. url: that by which it was found. length: in bytes; None where nobody tells."""
+    """A file behind a URL. url: that by which it was found. length: in bytes; None where nobody
+    tells."""
 
     url: str
     path: str
