@@ -77,7 +77,9 @@ def run(folder: Path, output: Path, way: Way) -> Run:
         seconds = {member: computed_by(member) for member in family_of(process.pid)}
         if not output.exists():  # which is made once all workers are warm
             started = seconds
-        computed |= {member: spent - started.get(member, 0.0) for member, spent in seconds.items()}
+        for member, spent in seconds.items():
+            since = spent - started.get(member, 0.0)
+            computed[member] = max(computed.get(member, 0.0), since)
         memory = max(memory, memory_of(process.pid))
         time.sleep(SAMPLE_SECONDS)
     assert process.stderr is not None
