@@ -106,6 +106,7 @@ def test_classifying_needs_no_extra(name: str) -> None:
         ("remote", ["classify", "memory://meshes"]),
         ("remote", ["classify", "{mesh}", "--output", "memory://all.csv"]),
         ("parquet", ["classify", "{mesh}", "--output", "{folder}/all.parquet"]),
+        ("ray", ["classify", "{mesh}", "--engine", "ray"]),
     ],
 )
 def test_a_missing_extra_is_named_in_one_line(
