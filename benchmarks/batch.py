@@ -37,6 +37,11 @@ WAYS = [
     Way("1 worker", ("--workers", "1")),
     Way(f"{CORES} workers", ("--workers", str(CORES))),
     Way(f"{CORES} workers, unordered", ("--workers", str(CORES), "--unordered")),
+    Way(f"Ray, {CORES} workers", ("--workers", str(CORES), "--engine", "ray")),
+    Way(
+        f"Ray, {CORES} workers, unordered",
+        ("--workers", str(CORES), "--engine", "ray", "--unordered"),
+    ),
 ]
 
 

@@ -6,6 +6,7 @@ Entries travel, not files: whoever classifies one reads it, and it comes back as
 
 import logging
 import os
+import socket
 from collections.abc import Iterable, Iterator
 from itertools import islice
 from typing import Any, Self
@@ -35,6 +36,7 @@ IN_HAND = 2
 AT_ONCE = 500_000
 # Actors that may die one after the other as they start: with their nodes, before it is the code.
 STARTS = 3
+ANSWER_SECONDS = 10.0
 
 
 class Ray:
@@ -52,7 +54,7 @@ class Ray:
         self._setup = setup
         self._workers = workers
         _connect(address, workers)
-        logging.getLogger("ray.data").setLevel(logging.CRITICAL)
+        _log_to_files_alone()
         context = ray.data.DataContext.get_current()
         context.enable_progress_bars = False
         context.execution_options.preserve_order = ordered
@@ -97,12 +99,34 @@ class Ray:
 
 def _connect(address: str | None, workers: int | None) -> None:
     given = address or os.environ.get("RAY_ADDRESS")
+    if given and given != "auto":
+        _check_answers(given)
     own = {} if given else {"num_cpus": workers, "include_dashboard": False}
     try:
         ray.init(given, log_to_driver=False, logging_level=logging.CRITICAL, **own)
     except (ConnectionError, RuntimeError, ValueError, RayError) as error:
         where = f"the Ray cluster at {given} cannot be used" if given else "Ray does not start"
         raise EngineFailed(f"{where}: {_said(error)}") from None
+
+
+def _check_answers(address: str) -> None:
+    """Ray itself would try for minutes."""
+    host, _, port = address.rpartition(":")
+    if "/" in address or not port.isdigit():
+        raise EngineFailed(
+            f"{address} is no address of a Ray cluster: give HOST:PORT, or auto on one of its "
+            "machines"
+        )
+    try:
+        socket.create_connection((host, int(port)), ANSWER_SECONDS).close()
+    except OSError as error:
+        raise EngineFailed(f"no Ray cluster answers at {address}: {error.strerror}") from None
+
+
+def _log_to_files_alone() -> None:
+    """Ray keeps a log of each session; standard error is for what a person must know."""
+    log = logging.getLogger("ray.data")
+    log.handlers = [handler for handler in log.handlers if handler.name != "console"]
 
 
 def _blocks(entries: Iterable[Entry], done_as: DoneAs) -> Iterator[ray.ObjectRef]:
@@ -117,6 +141,5 @@ def _travelling(entry: Entry) -> Entry:
 
 
 def _said(error: Exception) -> str:
-    """The last line of what Ray says, which is what went wrong; tracebacks come before it."""
-    lines = str(error).strip().splitlines()
-    return lines[-1].strip() if lines else type(error).__name__
+    """The last lines of what Ray says, which are what went wrong; tracebacks come before them."""
+    return " ".join(line.strip() for line in str(error).strip().splitlines()[-2:])

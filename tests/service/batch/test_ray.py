@@ -8,12 +8,13 @@ from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 from hashlib import sha256
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from model.loading import Limits
 from service.batch.classifying import Options, Outcome
-from service.batch.engines import Here
+from service.batch.engines import EngineFailed, Here
 from service.batch.entries import Entry
 from service.batch.listing import Listing
 from service.classifier import Classifier
@@ -44,16 +45,17 @@ class Nodes:
 
     @property
     def address(self) -> str:
-        return self.cluster.address
+        return str(self.cluster.address)
 
 
 @pytest.fixture(scope="module")
 def nodes() -> Iterator[Nodes]:
-    node = {"num_cpus": 1, "object_store_memory": OBJECT_STORE}
+    node: dict[str, Any] = {"num_cpus": 1, "object_store_memory": OBJECT_STORE}
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("PYTHONPATH", str(ROOT))  # where the nodes find what runs here
         cluster = Cluster(initialize_head=True, head_node_args=node | {"include_dashboard": False})
         yield Nodes(cluster, cluster.add_node(**node))
+        ray.shutdown()
         cluster.shutdown()
 
 
@@ -120,11 +122,44 @@ def test_a_cluster_gives_the_records_of_one_process(
     assert len(found) > 2 * BLOCK
 
 
+def test_the_command_writes_and_resumes_what_the_local_one_does(
+    nodes: Nodes, model_file: Path, meshes: Path, tmp_path: Path
+) -> None:
+    path = tmp_path / "all.jsonl"
+    command = [PROGRAM, "classify", str(meshes), "--model", str(model_file), "--output", str(path)]
+    local = subprocess.run(command, capture_output=True, env=environment())
+    whole = [json.loads(line) | {"timings_ms": None} for line in path.read_text().splitlines()]
+    path.write_text("".join(path.read_text().splitlines(keepends=True)[:2]))
+    over_ray = ["--resume", "--engine", "ray", "--ray-address", nodes.address]
+    done = subprocess.run([*command, *over_ray], capture_output=True, env=environment())
+    assert (done.returncode, done.stdout) == (local.returncode, b"") == (1, b"")
+    assert b"2 of them earlier" in done.stderr
+    assert b"Traceback" not in done.stderr
+    resumed = [json.loads(line) | {"timings_ms": None} for line in path.read_text().splitlines()]
+    assert resumed == whole
+
+
+@pytest.mark.parametrize(
+    ("address", "reason"),
+    [("127.0.0.1:1", "no Ray cluster answers"), ("ray://127.0.0.1:1", "give HOST:PORT")],
+)
+def test_an_address_without_a_cluster(setup: Setup, address: str, reason: str) -> None:
+    with pytest.raises(EngineFailed, match=reason):
+        Ray(setup, None, True, address)
+
+
+def test_nothing_phones_home() -> None:
+    from ray._common.usage.usage_lib import usage_stats_enabled
+
+    assert os.environ["RAY_USAGE_STATS_ENABLED"] == "0"
+    assert not usage_stats_enabled()
+
+
 def test_a_lost_node_loses_nothing_and_gives_nothing_twice(
     nodes: Nodes, setup: Setup, here: Here, meshes: Path, tmp_path: Path
 ) -> None:
     (ring,) = Listing([str(meshes / "ring.obj")])
-    entries = [Noted(ring, f"{number:04}.obj", tmp_path) for number in range(40 * BLOCK)]
+    entries = [Noted(ring, f"{number:04}.obj", tmp_path) for number in range(12 * BLOCK)]
     found = []
     with Ray(setup, 2, False, nodes.address) as engine:
         for outcome in engine.outcomes(entries, OPTIONS, never):
@@ -144,27 +179,3 @@ def test_a_lost_node_loses_nothing_and_gives_nothing_twice(
 def readers(notes: Path) -> set[str]:
     """The nodes that have read something."""
     return {note.name.split()[1] for note in notes.iterdir()}
-
-
-def test_the_command_writes_and_resumes_what_the_local_one_does(
-    nodes: Nodes, model_file: Path, meshes: Path, tmp_path: Path
-) -> None:
-    path = tmp_path / "all.jsonl"
-    command = [PROGRAM, "classify", str(meshes), "--model", str(model_file), "--output", str(path)]
-    local = subprocess.run(command, capture_output=True, env=environment())
-    whole = [json.loads(line) | {"timings_ms": None} for line in path.read_text().splitlines()]
-    path.write_text("".join(path.read_text().splitlines(keepends=True)[:2]))
-    over_ray = ["--resume", "--engine", "ray", "--ray-address", nodes.address]
-    done = subprocess.run([*command, *over_ray], capture_output=True, env=environment())
-    assert (done.returncode, done.stdout) == (local.returncode, b"") == (1, b"")
-    assert b"2 of them earlier" in done.stderr
-    assert b"Traceback" not in done.stderr
-    resumed = [json.loads(line) | {"timings_ms": None} for line in path.read_text().splitlines()]
-    assert resumed == whole
-
-
-def test_nothing_phones_home() -> None:
-    from ray._common.usage.usage_lib import usage_stats_enabled
-
-    assert os.environ["RAY_USAGE_STATS_ENABLED"] == "0"
-    assert not usage_stats_enabled()

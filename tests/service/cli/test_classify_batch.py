@@ -174,6 +174,8 @@ def test_patterns_and_stdout(many: Path, model_file: Path) -> None:
         (["--include", "*.ply"], "that --include and --exclude let in"),
         (["--explain", "{folder}/why", "--workers", "2"], "works in one process"),
         (["--workers", "0"], "--workers"),
+        (["--ray-address", "auto"], "add --engine ray"),
+        (["--engine", "ray", "--explain", "{folder}/why"], "leave out --engine ray"),
     ],
 )
 def test_wrong_calls(
