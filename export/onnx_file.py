@@ -68,7 +68,8 @@ def trace_graph(network: Network, meshes: Sequence[MeshInputs]) -> onnx.ModelPro
         # The exporter warns of matters of its own (deprecations, opset conversions); parity
         # decides whether the file is right.
         warnings.simplefilter("ignore")
-        logging.getLogger("torch.onnx").setLevel(logging.ERROR)
+        for name in ("torch.onnx", "torch.fx"):
+            logging.getLogger(name).setLevel(logging.ERROR)
         program = torch.onnx.export(
             fold_batch_norm(network),
             as_tensors(collate(meshes)),

@@ -96,5 +96,7 @@ class GrownLevel:
 
     def readout(self) -> Tensor:
         first, counts = self.starts[:-1, None], self.starts.diff()[:, None]
-        column = torch.arange(int(counts.max()), dtype=torch.int32, device=counts.device)[None]
+        longest = counts.max().item()
+        torch._check(longest >= 0)  # which the exporter cannot see
+        column = torch.arange(longest, dtype=torch.int32, device=counts.device)[None]
         return torch.where(column < counts, first + column + 1, 0)
