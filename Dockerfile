@@ -23,7 +23,7 @@ ENV PATH=/opt/meshconv3d/bin:$PATH \
     MESHCONV3D_HOST=0.0.0.0 \
     PYTHONDONTWRITEBYTECODE=1
 RUN meshconv3d classify --json "$(python -c 'import model.samples as s; print(s.__path__[0])')"
-USER meshconv3d
+USER 10001
 EXPOSE 8000
 HEALTHCHECK --interval=10s --timeout=3s --start-period=30s \
     CMD ["python", "-c", "import urllib.request as u; u.urlopen('http://127.0.0.1:8000/readyz', timeout=2)"]
