@@ -22,7 +22,7 @@ from model.samples import sample_paths
 
 CORES = len(os.sched_getaffinity(0))
 FOLDER_FILES = 1000
-SAMPLE_SECONDS = 0.5
+SAMPLE_SECONDS = 0.2
 
 
 @dataclass(frozen=True)
@@ -47,8 +47,8 @@ WAYS = [
 
 @dataclass(frozen=True)
 class Run:
-    """rate: files per second, without the start. here, workers: seconds that the command and all
-    that come from it computed since they began; memory: MB."""
+    """All but the start. rate: files per second. here, workers: seconds that the command and all
+    that come from it computed; memory: MB."""
 
     rate: float
     here: float
@@ -75,11 +75,16 @@ def run(folder: Path, output: Path, way: Way) -> Run:
     output.unlink(missing_ok=True)
     command = [program, "classify", str(folder), "--output", str(output), *way.options]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    started: dict[int, float] = {}
     computed: dict[int, float] = {}
     memory = 0.0
     while process.poll() is None:
-        for member in family_of(process.pid):
-            computed[member] = max(computed.get(member, 0.0), computed_by(member))
+        seconds = {member: computed_by(member) for member in family_of(process.pid)}
+        if not output.exists():  # which is made once all workers are warm
+            started = seconds
+        for member, spent in seconds.items():
+            since = spent - started.get(member, 0.0)
+            computed[member] = max(computed.get(member, 0.0), since)
         memory = max(memory, memory_of(process.pid))
         time.sleep(SAMPLE_SECONDS)
     assert process.stderr is not None

@@ -45,24 +45,25 @@ def remote_errors() -> Iterator[None]:
 
 @dataclass(frozen=True)
 class RemoteFile:
-    """A file behind a URL. url: that by which it was found. bytes: None where nobody tells."""
+    """A file behind a URL. url: that by which it was found. length: in bytes; None where nobody
+    tells."""
 
     url: str
     path: str
     name: str
     below: str
-    bytes: int | None
+    length: int | None
 
     @property
     def declared(self) -> str | None:
         return os.path.splitext(self.path)[1]
 
     def size(self) -> int:
-        return self.bytes or 0
+        return self.length or 0
 
     def read(self) -> bytes:
         fs, _ = filesystem(self.url)
-        if self.bytes is None:
+        if self.length is None:
             raise OSError(errno.EIO, "nobody tells how large the file is")
         with remote_errors():
             return fs.cat_file(self.path)

@@ -2,6 +2,7 @@
 
 import json
 import os
+import uuid
 from collections.abc import Callable, Iterator
 
 import pytest
@@ -52,8 +53,10 @@ def bucket() -> Iterator[str]:
     with pytest.MonkeyPatch.context() as patch:
         for name, value in variables.items():
             patch.setenv(name, value)
-        S3FileSystem().mkdir("meshes")
-        yield "s3://meshes"
+        # The server forgets nothing as long as the process lives.
+        name = f"meshes-{uuid.uuid4()}"
+        S3FileSystem().mkdir(name)
+        yield f"s3://{name}"
     S3FileSystem.clear_instance_cache()
     server.stop()
     assert "AWS_ENDPOINT_URL" not in os.environ

@@ -1,6 +1,7 @@
 """Outputs: nothing that was kept is lost or overwritten, and any form can be read."""
 
 import csv
+import io
 import json
 import os
 from collections.abc import Callable
@@ -28,8 +29,12 @@ def write(path: str, outcomes: list) -> None:
 
 
 def journal(path: str) -> list[dict]:
-    with fsspec.open(path, "rb") as file:
-        return [json.loads(line) for line in file.read().splitlines()]
+    return [json.loads(line) for line in content(path).splitlines()]
+
+
+def content(path: str) -> bytes:
+    fs, inner = fsspec.url_to_fs(path)
+    return fs.cat_file(inner)
 
 
 def test_a_file_cut_at_any_byte_is_gone_on_with(tmp_path: Path, outcome: Callable) -> None:
@@ -92,13 +97,13 @@ def test_outputs_behind_urls(
     output.add(outcome("x.obj"))
     output.close()
     assert [line["file"] for line in journal(f"{url}.journal/00000001.jsonl")] == ["x.obj"]
-    with fsspec.open(url, "rb") as file:
-        if form == "parquet":
-            names = pyarrow.parquet.read_table(file).column("file").to_pylist()
-        elif form == "csv":
-            names = [line.split(b",")[0].decode() for line in file.read().splitlines()[1:]]
-        else:
-            names = [json.loads(line)["file"] for line in file.read().splitlines()]
+    written = content(url)
+    if form == "parquet":
+        names = pyarrow.parquet.read_table(io.BytesIO(written)).column("file").to_pylist()
+    elif form == "csv":
+        names = [line.split(b",")[0].decode() for line in written.splitlines()[1:]]
+    else:
+        names = [json.loads(line)["file"] for line in written.splitlines()]
     assert names == ["a.obj", "x.obj"]
 
 
@@ -129,7 +134,7 @@ def test_a_file_that_changed_is_done_with_its_last_content(
 
 
 @pytest.mark.parametrize(
-    ("content", "reason"),
+    ("theirs", "reason"),
     [
         (b'{"file":"a","run":"other"}\n', "another model, or with another --top"),
         (b'{"my": "data"}\n', "no records of this command"),
@@ -137,12 +142,12 @@ def test_a_file_that_changed_is_done_with_its_last_content(
         (b"[1]\n", "no records of this command"),
     ],
 )
-def test_what_others_wrote_is_left_alone(tmp_path: Path, content: bytes, reason: str) -> None:
+def test_what_others_wrote_is_left_alone(tmp_path: Path, theirs: bytes, reason: str) -> None:
     path = tmp_path / "all.jsonl"
-    path.write_bytes(content)
+    path.write_bytes(theirs)
     with pytest.raises(NotWritten, match=reason):
         Output(Target(str(path)), RUN)
-    assert path.read_bytes() == content
+    assert path.read_bytes() == theirs
     assert os.listdir(tmp_path) == ["all.jsonl"]
 
 
