@@ -129,7 +129,7 @@ def _log_to_files_alone() -> None:
     log.handlers = [handler for handler in log.handlers if handler.name != "console"]
 
 
-def _blocks(entries: Iterable[Entry], done_as: DoneAs) -> Iterator[Any]:  # references to them
+def _blocks(entries: Iterable[Entry], done_as: DoneAs) -> Iterator["ray.ObjectRef[Any]"]:
     """Entries as they travel, handed to Ray."""
     rest = iter(entries)
     while some := list(islice(rest, BLOCK)):
