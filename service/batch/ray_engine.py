@@ -129,8 +129,8 @@ def _log_to_files_alone() -> None:
     log.handlers = [handler for handler in log.handlers if handler.name != "console"]
 
 
-def _blocks(entries: Iterable[Entry], done_as: DoneAs) -> Iterator["ray.ObjectRef[Any]"]:
-    """Entries as they travel, handed to Ray."""
+def _blocks(entries: Iterable[Entry], done_as: DoneAs) -> Iterator[Any]:
+    """References to entries as they travel, handed to Ray."""
     rest = iter(entries)
     while some := list(islice(rest, BLOCK)):
         yield ray.put(packed((_travelling(entry), done_as(entry.name)) for entry in some))
