@@ -17,6 +17,7 @@ os.environ.setdefault("RAY_BACKEND_LOG_LEVEL", "fatal")
 
 import ray
 import ray.data
+from ray.data.block import Block
 from ray.exceptions import RayError
 
 from service.batch.classifying import DoneAs, Options, Outcome
@@ -33,9 +34,11 @@ BLOCK = 32
 IN_HAND = 2
 # Entries that are listed before the first is classified. Ray must know all its input at once: for
 # more, its actors start anew, which takes seconds.
-AT_ONCE = 500_000
-# Actors that may die one after the other as they start: with their nodes, before it is the code.
-STARTS = 3
+AT_ONCE = 200_000
+# Actors that may die one after the other as they start, which is put down to nodes that Ray does not
+# yet know to be lost.
+STARTS = 10
+# How long a cluster may take to answer at all.
 ANSWER_SECONDS = 10.0
 
 
@@ -66,7 +69,7 @@ class Ray:
         """See `Engine`. Raises EngineFailed."""
         blocks = _blocks(entries, done_as)
         while listed := list(islice(blocks, AT_ONCE // BLOCK)):
-            classified = ray.data.from_arrow_refs(listed).map_batches(
+            classified = ray.data.from_blocks(listed).map_batches(
                 OneWorker,
                 fn_constructor_args=(self._setup, options),
                 batch_size=None,
@@ -103,7 +106,7 @@ def _connect(address: str | None, workers: int | None) -> None:
         _check_answers(given)
     own = {} if given else {"num_cpus": workers, "include_dashboard": False}
     try:
-        ray.init(given, log_to_driver=False, logging_level=logging.CRITICAL, **own)
+        ray.init(given or "local", log_to_driver=False, logging_level=logging.CRITICAL, **own)
     except (ConnectionError, RuntimeError, ValueError, RayError) as error:
         where = f"the Ray cluster at {given} cannot be used" if given else "Ray does not start"
         raise EngineFailed(f"{where}: {_said(error)}") from None
@@ -129,11 +132,11 @@ def _log_to_files_alone() -> None:
     log.handlers = [handler for handler in log.handlers if handler.name != "console"]
 
 
-def _blocks(entries: Iterable[Entry], done_as: DoneAs) -> Iterator[Any]:
-    """References to entries as they travel, handed to Ray."""
+def _blocks(entries: Iterable[Entry], done_as: DoneAs) -> Iterator[Block]:
+    """Entries as they travel."""
     rest = iter(entries)
     while some := list(islice(rest, BLOCK)):
-        yield ray.put(packed((_travelling(entry), done_as(entry.name)) for entry in some))
+        yield packed((_travelling(entry), done_as(entry.name)) for entry in some)
 
 
 def _travelling(entry: Entry) -> Entry:
