@@ -59,8 +59,14 @@ def test_a_budget_is_never_overdrawn() -> None:
 
 def test_what_is_larger_than_the_budget_is_taken_alone() -> None:
     budget = Budget(10)
-    with budget.held(1000), ThreadPoolExecutor(1) as threads:
-        other = threads.submit(lambda: budget.held(1).__enter__())
-        assert not other.done()
-        threads.shutdown(wait=False)
-    other.result(timeout=5)
+    taken = threading.Event()
+
+    def take_one() -> None:
+        with budget.held(1):
+            taken.set()
+
+    thread = threading.Thread(target=take_one, daemon=True)
+    with budget.held(1000):
+        thread.start()
+        assert not taken.wait(0.2)
+    assert taken.wait(5)
