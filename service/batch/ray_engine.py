@@ -35,8 +35,8 @@ IN_HAND = 2
 # Entries that are listed before the first is classified. Ray must know all its input at once: for
 # more, its actors start anew, which takes seconds.
 AT_ONCE = 200_000
-# Actors that may die one after the other as they start, which is put down to nodes that Ray does
-# not yet know to be lost.
+# Actors that may die one after the other as they start, which is put down to nodes that are lost
+# without Ray's knowing it yet.
 STARTS = 10
 # How long a cluster may take to answer at all.
 ANSWER_SECONDS = 10.0
