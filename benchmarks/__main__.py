@@ -77,8 +77,8 @@ def compare(arguments: argparse.Namespace) -> int:
 def show_list(arguments: argparse.Namespace) -> int:
     print("Run by `python -m benchmarks`:")
     print("\n".join(f"  {name}" for name in suite.BENCHMARKS))
-    print("Each by itself, with data, `python -m benchmarks.NAME DATA`:")
-    print("\n".join(f"  {name}" for name in suite.WITH_DATA))
+    print("Each by itself, all but batch with data, `python -m benchmarks.NAME DATA`:")
+    print("\n".join(f"  {name}" for name in suite.BY_THEMSELVES))
     return 0
 
 

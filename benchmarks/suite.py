@@ -1,7 +1,8 @@
 """The benchmarks, and one run of several of them as one JSON file.
 
 Each is a module with `run(model_name) -> Findings`, which prints what it finds, and runs in a
-process of its own. Those that need data are commands by themselves; they are only listed.
+process of its own. Those that need data, or a hundred thousand files, are commands by themselves;
+they are only listed.
 """
 
 import datetime
@@ -31,7 +32,8 @@ BENCHMARKS = (
     "footprint",
     "serving",
 )
-WITH_DATA = (
+BY_THEMSELVES = (
+    "batch",
     "accuracy",
     "ablation",
     "robustness",

@@ -27,7 +27,7 @@ def test_every_benchmark_is_listed():
         for path in (ROOT / "benchmarks").glob("*.py")
         if "\ndef run(model_name" in path.read_text() or "\ndef main(" in path.read_text()
     }
-    assert commands - {"__main__"} == {*suite.BENCHMARKS, *suite.WITH_DATA}
+    assert commands - {"__main__"} == {*suite.BENCHMARKS, *suite.BY_THEMSELVES}
 
 
 @pytest.mark.parametrize(
