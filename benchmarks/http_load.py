@@ -106,7 +106,8 @@ def _drive(writer, port, request, connections, seconds, rate) -> None:
             free.pop().ask(request)
         # Requests for which no connection was free are not made up for later.
         sent = sent + due if rate is None or free else int(rate * now)
-        for key, events in selector.select(timeout=0.001):
+        # With a rate, the next request may be due before the next answer comes.
+        for key, events in selector.select(timeout=0.1 if rate is None else 0.001):
             connection: _Connection = key.data
             status = connection.ready(events)
             if status is None:
