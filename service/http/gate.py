@@ -108,10 +108,10 @@ class Visit:
         self._admission.leave()
         self._meshes -= 1
 
-    def take_back(self) -> None:
-        """Drop the work that has not begun."""
-        for future in self.futures:
-            future.cancel()
+    def take_back(self) -> bool:
+        """Drop the work that has not begun. Returns whether there was any."""
+        dropped = [future.cancel() for future in self.futures]
+        return any(dropped)
 
     def end(self) -> None:
         """Give back what the request held, and take back what it no longer waits for."""

@@ -18,7 +18,8 @@ async def result_of(future: Future[Record], request: Request) -> Record:
     """The result of work that a request has in the pool.
 
     Work that has not begun is dropped when its deadline has passed, and all of the request's when
-    its client has gone. What runs is waited for: its worker keeps the deadline.
+    its client has gone. Where there is none, what runs is waited for: its worker keeps the
+    deadline.
 
     Raises what the work raises, DeadlineExceeded, ClientDisconnect, or Full where the service
     ends before.
@@ -41,8 +42,6 @@ async def _result_of(future: Future[Record], request: Request) -> Record:
             if future.cancel():
                 raise DeadlineExceeded
             break
-        if await request.is_disconnected():
-            visit.take_back()
-            if future.cancelled():
-                raise ClientDisconnect
+        if await request.is_disconnected() and visit.take_back():
+            raise ClientDisconnect
     return await answer
