@@ -1,6 +1,7 @@
 """The two engines: the same outcomes, whatever the files do."""
 
 import json
+import os
 from collections.abc import Collection, Iterator
 from hashlib import sha256
 from pathlib import Path
@@ -15,6 +16,8 @@ from service.batch.listing import Listing
 from service.classifier import Classifier
 from service.models import ModelFile
 from service.workers import Setup, Work, WorkerPool, answer_to
+from tests.processes import held
+from tests.processes import workers as workers_of
 
 MEMORY = 2**28
 OPTIONS = Options("tiny", 1, MEMORY)
@@ -28,7 +31,7 @@ def here(model_file: Path) -> Engine:
 
 @pytest.fixture(scope="module", params=[True, False], ids=["ordered", "unordered"])
 def workers(request: pytest.FixtureRequest, model_file: Path) -> Iterator[Workers]:
-    setup = Setup([ModelFile.read(str(model_file))], Limits(), MEMORY, seconds=1.0)
+    setup = Setup([ModelFile.read(str(model_file))], Limits(), MEMORY, seconds=60.0)
     pool = WorkerPool(setup, 2)
     pool.start()
     with Workers(pool, 2, request.param) as engine:
@@ -65,23 +68,31 @@ def large_stl(faces: int) -> bytes:
 def test_a_hostile_file_costs_its_own_record(
     workers: Workers, meshes: Path, tmp_path: Path
 ) -> None:
-    """One takes all the memory that it may, one all the time, one is not read at all."""
+    """One takes all the memory that it may, one is not read at all."""
     for number in range(20):
         (tmp_path / f"{number:02}.obj").write_bytes((meshes / "ring.obj").read_bytes())
     (tmp_path / "05-memory.stl").write_bytes(large_stl(2_000_000))
-    (tmp_path / "10-time.stl").write_bytes(large_stl(400_000))
     with (tmp_path / "15-bytes.stl").open("wb") as file:
         file.truncate(2**40)
     listing = Listing([str(tmp_path)])
     outcomes = workers.outcomes(listing, OPTIONS, never)
     records = {Path(record["file"]).stem: record for record in map(timeless, outcomes)}
     faults = {name: one["error"]["fault"] for name, one in records.items() if "error" in one}
-    assert faults == {
-        "05-memory": "too-much-memory",
-        "10-time": "deadline",
-        "15-bytes": "too-much-memory",
-    }
-    assert len(records) == 23
+    assert faults == {"05-memory": "too-much-memory", "15-bytes": "too-much-memory"}
+    assert len(records) == 22
+
+
+def test_the_deadline_begins_with_the_work(model_file: Path, meshes: Path) -> None:
+    """Not as it is queued: behind one that takes all its time, the others have all of theirs."""
+    setup = Setup([ModelFile.read(str(model_file))], Limits(), MEMORY, seconds=5.0)
+    before = set(workers_of(os.getpid()))
+    pool = WorkerPool(setup, 1)
+    pool.start()
+    with Workers(pool, 1, ordered=True) as engine:
+        held_up = set(workers_of(os.getpid())) - before
+        with held(list(held_up)):
+            outcomes = engine.outcomes(Listing([str(meshes / "ring.obj")] * 2), OPTIONS, never)
+            assert [outcome.fault for outcome in outcomes] == ["deadline", None]
 
 
 def test_what_is_done_has_no_outcome(workers: Workers, here: Engine, meshes: Path) -> None:
