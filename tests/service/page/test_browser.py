@@ -173,7 +173,7 @@ def test_a_model_that_cannot_explain_says_so(visitor: Visitor) -> None:
 def test_errors_in_clear_words(visitor: Visitor, file: dict, title: str, reason: str) -> None:
     visitor.give(file)
     expect(visitor.at(".verdict.failed")).to_contain_text(title)
-    expect(visitor.at(".reason")).to_contain_text(reason)
+    expect(visitor.at("#result .reason")).to_contain_text(reason)
     expect(visitor.at("#status")).to_contain_text(reason)
     expect(visitor.at("#view-note")).to_have_text("There is nothing to draw")
 
@@ -181,7 +181,7 @@ def test_errors_in_clear_words(visitor: Visitor, file: dict, title: str, reason:
 def test_a_file_that_is_too_large_is_not_sent(visitor: Visitor) -> None:
     visitor.give({"name": "big.stl", "mimeType": "", "buffer": b"\0" * 17_000_000})
     expect(visitor.at(".verdict.failed")).to_have_text("This file is too large")
-    expect(visitor.at(".reason")).to_contain_text("It has 17 MB; the service takes 16 MB.")
+    expect(visitor.at("#result .reason")).to_contain_text("It has 17 MB; the service takes 16 MB.")
     assert not any("classify" in url for url in visitor.asked)
 
 
