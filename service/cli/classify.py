@@ -181,7 +181,7 @@ def _follow(
 
     try:
         watch.follow(outcomes, sink)
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, OSError):
         if target is not None:
             click.echo(f"{target.path} has what is done: go on with it by --resume", err=True)
         raise
