@@ -36,17 +36,27 @@ def meshconv3d(
 
 def at_a_terminal(*arguments: object, cwd: Path) -> tuple[int, list[str]]:
     """Exit code and what stands on a terminal of 80 columns, without its control codes."""
+    status, output = sent_to_terminal(*arguments, cwd=cwd, errors=False)
+    assert not re.search(rb"\x1b\[[0-9;?]*[^0-9;?m]", output)  # colours, and nothing else
+    shown = re.sub(r"\x1b\[[0-9;]*m", "", output.decode())
+    return status, [line.rstrip() for line in shown.splitlines()]
+
+
+def sent_to_terminal(*arguments: object, cwd: Path, errors: bool = True) -> tuple[int, bytes]:
+    """Exit code and all that a terminal of 80 columns is sent. errors: standard error, too."""
     master, slave = pty.openpty()
     fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", 24, WIDTH, 0, 0))
-    command = [PROGRAM, *map(str, arguments)]
     process = subprocess.Popen(
-        command, stdin=slave, stdout=slave, stderr=subprocess.DEVNULL, env=environment(), cwd=cwd
+        [PROGRAM, *map(str, arguments)],
+        stdin=slave,
+        stdout=slave,
+        stderr=slave if errors else subprocess.DEVNULL,
+        env=environment(),
+        cwd=cwd,
     )
     os.close(slave)
     output = read_terminal(master)
-    assert not re.search(rb"\x1b\[[0-9;?]*[^0-9;?m]", output)  # colours, and nothing else
-    shown = re.sub(r"\x1b\[[0-9;]*m", "", output.decode())
-    return process.wait(60), [line.rstrip() for line in shown.splitlines()]
+    return process.wait(60), output
 
 
 def read_terminal(master: int) -> bytes:

@@ -118,7 +118,7 @@ def test_a_missing_extra_is_named_in_one_line(
     places = {"folder": tmp_path, "file": file, "mesh": sample_paths()["ants"]}
     given = [argument.format(**places) for argument in arguments]
     done = python(WITHOUT_EXTRAS, *given)
-    assert done.returncode == 1
+    assert done.returncode == 2
     assert done.stdout == ""
     (line,) = done.stderr.splitlines()
     assert list(tmp_path.iterdir()) == [file]

@@ -5,6 +5,7 @@ import fcntl
 import os
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Protocol
 
@@ -13,6 +14,16 @@ from service.batch.remote import filesystem, remote_errors
 # Object stores cannot append: lines go there in parts, of so many or after so many seconds.
 PART_LINES = 1000
 PART_SECONDS = 10.0
+
+
+@contextmanager
+def errors_naming(path: str | Path) -> Iterator[None]:
+    """Within it, an OSError that names no file, as of a full disk, names this one."""
+    try:
+        yield
+    except OSError as error:
+        error.filename = error.filename or str(path)
+        raise
 
 
 class InUse(OSError):
@@ -73,13 +84,15 @@ class LocalJournal:
 
     def add(self, line: bytes) -> None:
         """See `Journal`."""
-        self._file.write(line)
-        self._file.flush()
+        with errors_naming(self._path):
+            self._file.write(line)
+            self._file.flush()
 
     def close(self) -> None:
         """Hand all to the disk."""
-        os.fsync(self._file.fileno())
-        self._file.close()
+        with errors_naming(self._path):
+            os.fsync(self._file.fileno())
+            self._file.close()
 
 
 class RemoteJournal:

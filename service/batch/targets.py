@@ -6,11 +6,11 @@ with `.journal`, from which it is made anew by each run that goes on.
 
 import os
 from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import BinaryIO
 
-from service.batch.journals import Journal, LocalJournal, RemoteJournal
+from service.batch.journals import Journal, LocalJournal, RemoteJournal, errors_naming
 from service.batch.remote import filesystem, is_url, remote_errors
 from service.batch.tables import Csv, Lines, Table
 
@@ -67,8 +67,8 @@ class Target:
             return fs.open(path, "wb")
 
     def errors(self) -> AbstractContextManager[None]:
-        """Within it, what goes wrong with the open file is an OSError."""
-        return remote_errors() if self._remote else nullcontext()
+        """Within it, what goes wrong with the open file is an OSError that says with which."""
+        return remote_errors() if self._remote else errors_naming(self.path)
 
     def publish(self) -> None:
         """What was written and closed is the output."""

@@ -124,12 +124,14 @@ def classify(
     from service.batch.classifying import Options, run_id
     from service.batch.uses import Uses
     from service.cli.engines import FEW, explaining_engine, open_engine, ray_engine
-    from service.cli.places import check_folder, listing_of, target_of
+    from service.cli.places import check_folder, check_page, listing_of, target_of
     from service.cli.watching import Watch
 
     listing = listing_of(paths, declared, include, exclude, shard)
     if folder is not None:
         check_folder(folder, listing)
+    if page is not None:
+        check_page(page)
     target = None if output is None else target_of(output, resume)
     settings = read_settings({"workers": workers})
     ordered, pictured = not unordered, page is not None
@@ -181,7 +183,7 @@ def _follow(
 
     try:
         watch.follow(outcomes, sink)
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, OSError):
         if target is not None:
             click.echo(f"{target.path} has what is done: go on with it by --resume", err=True)
         raise

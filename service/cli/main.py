@@ -59,10 +59,12 @@ class Commands(click.Group):
             extra = _extra_with(error.name, ctx.invoked_subcommand)
             if extra is None:
                 raise
-            raise click.ClickException(
+            missing = click.ClickException(
                 f"this command needs {error.name}, which comes with an extra: "
                 f"pip install '.[{extra}]' in a clone of meshconv3d"
-            ) from None
+            )
+            missing.exit_code = 2  # as of any call that cannot be done
+            raise missing from None
         except BrokenPipeError:
             # Here, since click would make it exit code 1.
             _drop_output()

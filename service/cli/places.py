@@ -1,5 +1,6 @@
 """What the paths of a call name. What is wrong with one is a usage error."""
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -43,6 +44,17 @@ def target_of(output: str, resume: bool) -> Target:
     except NotWritten as error:
         raise click.UsageError(f"--output {error}") from None
     return target
+
+
+def check_page(page: Path) -> None:
+    """A report that would replace something else than a page, or that cannot be written once all
+    is done, is a usage error."""
+    if page.suffix.lower() != ".html":
+        raise click.UsageError(f"--report {page} does not end with .html: name a page")
+    if not (page.parent.is_dir() and os.access(page.parent, os.W_OK)):
+        raise click.UsageError(
+            f"--report {page} cannot be written: {page.parent} is no folder that you may write to"
+        )
 
 
 def check_folder(folder: Path, listing: Listing) -> None:

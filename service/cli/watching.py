@@ -67,7 +67,7 @@ class Watch:
     @contextmanager
     def paused(self) -> Iterator[None]:
         """Within this, the terminal is another's."""
-        if not self.shown:
+        if not self._progress.live.is_started:  # started again after the end, it would stay
             yield
             return
         self._progress.stop()

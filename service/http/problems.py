@@ -20,6 +20,12 @@ from service.workers import DeadlineExceeded
 
 PROBLEM_JSON = "application/problem+json"
 
+# What the framework says of a request that no handler takes, and what we say.
+DETAILS = {
+    "Not Found": "there is nothing at this path; see /openapi.json for what there is",
+    "Method Not Allowed": "this path takes other methods, which the header Allow names",
+}
+
 STATUSES: dict[type[MeshError], HTTPStatus] = {
     MalformedFile: HTTPStatus.BAD_REQUEST,
     UnknownFormat: HTTPStatus.UNSUPPORTED_MEDIA_TYPE,
@@ -84,7 +90,8 @@ def install_problem_handlers(app: FastAPI) -> None:
     @app.exception_handler(HTTPException)
     async def http_error(request: Request, error: HTTPException) -> JSONResponse:
         status = HTTPStatus(error.status_code)
-        response = problem(request, status, status.phrase.lower().replace(" ", "-"), error.detail)
+        detail = DETAILS.get(error.detail, error.detail)
+        response = problem(request, status, status.phrase.lower().replace(" ", "-"), detail)
         response.headers.update(error.headers or {})
         return response
 

@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-from tests.commands import WIDTH, at_a_terminal
+from tests.commands import WIDTH, at_a_terminal, sent_to_terminal
 
 
 def test_a_table_with_reasons_below(model_file: Path, meshes: Path) -> None:
@@ -20,6 +20,12 @@ def test_a_table_with_reasons_below(model_file: Path, meshes: Path) -> None:
     reasons = "".join(rows[5:])
     assert "cut.stl: " in reasons
     assert "points.obj: the file holds no triangles" in reasons
+
+
+def test_the_bar_is_gone_at_the_end_and_the_cursor_back(model_file: Path, meshes: Path) -> None:
+    _, sent = sent_to_terminal("classify", ".", "--model", model_file, cwd=meshes)
+    assert sent.count(b"\x1b[?25l") == sent.count(b"\x1b[?25h") > 0  # hidden, and shown again
+    assert sent.rindex(b"files/s") < sent.index(b"ring.obj")
 
 
 def test_top_counts_in_the_table_too(model_file: Path, meshes: Path) -> None:

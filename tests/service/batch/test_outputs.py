@@ -13,7 +13,7 @@ import pytest
 
 from model.loading import Limits
 from service.batch.classifying import run_id
-from service.batch.journals import InUse
+from service.batch.journals import InUse, LocalJournal
 from service.batch.outputs import Output
 from service.batch.tables import Csv
 from service.batch.targets import NotWritten, Target
@@ -181,3 +181,12 @@ def test_a_run_is_told_apart_by_all_that_changes_a_record() -> None:
         for limits in (Limits(), Limits(faces=10))
     }
     assert len(runs) == 8
+
+
+def test_a_full_disk_is_told_with_the_file(tmp_path: Path) -> None:
+    full = tmp_path / "all.jsonl"
+    full.symlink_to("/dev/full")
+    journal = LocalJournal(full)
+    with pytest.raises(OSError, match="No space left") as told:
+        journal.add(b"{}\n")
+    assert told.value.filename == str(full)

@@ -72,6 +72,16 @@ def test_a_report_that_cannot_be_written_is_told(
 ) -> None:
     page = tmp_path / "missing" / "report.html"
     done = meshconv3d("classify", meshes / "ring.obj", "--model", model_file, "--report", page)
-    assert done.returncode in (1, 2)
-    assert "missing" in done.stderr
-    assert "Traceback" not in done.stderr
+    assert (done.returncode, done.stdout) == (2, "")  # before any file is classified
+    assert f"{page.parent} is no folder" in done.stderr
+
+
+def test_a_report_takes_the_place_of_nothing_but_a_page(
+    meshes: Path, model_file: Path, tmp_path: Path
+) -> None:
+    mesh = tmp_path / "ring.obj"
+    mesh.write_bytes((meshes / "ring.obj").read_bytes())
+    done = meshconv3d("classify", mesh, "--model", model_file, "--report", mesh)
+    assert done.returncode == 2
+    assert "does not end with .html" in done.stderr
+    assert mesh.read_bytes() == (meshes / "ring.obj").read_bytes()
