@@ -71,6 +71,20 @@ class Commands(click.Group):
             ctx.exit(0)
 
 
+class _Once(logging.Filter):
+    """Lets each message through once: folders are walked several times, to count them, too."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._said: set[str] = set()
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        message = record.getMessage()
+        new = message not in self._said
+        self._said.add(message)
+        return new
+
+
 def _extra_with(module: str | None, command: str | None) -> str | None:
     """The extra that installs a module, named as in `import`, if one does.
 
@@ -98,7 +112,11 @@ def _print_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None
 )
 def commands() -> None:
     """What is this 3D mesh? MeshConv3D classifies raw triangle meshes."""
-    logging.basicConfig(format="%(levelname)s %(message)s", level=logging.WARNING)
+    handler = logging.StreamHandler()
+    handler.addFilter(_Once())
+    logging.basicConfig(
+        format="%(levelname)s %(message)s", level=logging.WARNING, handlers=[handler]
+    )
 
 
 def main() -> None:
