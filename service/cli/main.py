@@ -36,6 +36,12 @@ EXTRAS = {
 }
 
 
+class MissingExtra(click.ClickException):
+    """A call that cannot be done as the package is installed; its exit code is a wrong one's."""
+
+    exit_code = 2
+
+
 class Commands(click.Group):
     """A group that imports a command when it is run, and knows the help of all without."""
 
@@ -59,12 +65,10 @@ class Commands(click.Group):
             extra = _extra_with(error.name, ctx.invoked_subcommand)
             if extra is None:
                 raise
-            missing = click.ClickException(
+            raise MissingExtra(
                 f"this command needs {error.name}, which comes with an extra: "
                 f"pip install '.[{extra}]' in a clone of meshconv3d"
-            )
-            missing.exit_code = 2  # as of any call that cannot be done
-            raise missing from None
+            ) from None
         except BrokenPipeError:
             # Here, since click would make it exit code 1.
             _drop_output()
