@@ -39,7 +39,7 @@ def _listed(folder: Path) -> Iterator[os.DirEntry[str]]:
         with os.scandir(folder) as found:
             return iter(sorted(found, key=lambda entry: entry.name))
     except OSError as error:
-        log.warning("passed over: %s", error)
+        log.warning("%s cannot be listed, and is passed over: %s", folder, error.strerror)
         return iter(())
 
 

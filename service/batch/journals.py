@@ -162,4 +162,6 @@ def _lock(file: int, path: Path) -> None:
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
-        raise InUse(f"another process writes {path}") from None
+        raise InUse(
+            f"another process writes {path}: wait until it ends, or name another output"
+        ) from None

@@ -36,6 +36,12 @@ EXTRAS = {
 }
 
 
+class MissingExtra(click.ClickException):
+    """A call that cannot be done as the package is installed; its exit code is a wrong one's."""
+
+    exit_code = 2
+
+
 class Commands(click.Group):
     """A group that imports a command when it is run, and knows the help of all without."""
 
@@ -59,16 +65,28 @@ class Commands(click.Group):
             extra = _extra_with(error.name, ctx.invoked_subcommand)
             if extra is None:
                 raise
-            missing = click.ClickException(
+            raise MissingExtra(
                 f"this command needs {error.name}, which comes with an extra: "
                 f"pip install '.[{extra}]' in a clone of meshconv3d"
-            )
-            missing.exit_code = 2  # as of any call that cannot be done
-            raise missing from None
+            ) from None
         except BrokenPipeError:
             # Here, since click would make it exit code 1.
             _drop_output()
             ctx.exit(0)
+
+
+class _Once(logging.Filter):
+    """Lets each message through once: folders are walked several times, to count them, too."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._said: set[str] = set()
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        message = record.getMessage()
+        new = message not in self._said
+        self._said.add(message)
+        return new
 
 
 def _extra_with(module: str | None, command: str | None) -> str | None:
@@ -98,7 +116,11 @@ def _print_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None
 )
 def commands() -> None:
     """What is this 3D mesh? MeshConv3D classifies raw triangle meshes."""
-    logging.basicConfig(format="%(levelname)s %(message)s", level=logging.WARNING)
+    handler = logging.StreamHandler()
+    handler.addFilter(_Once())
+    logging.basicConfig(
+        format="%(levelname)s %(message)s", level=logging.WARNING, handlers=[handler]
+    )
 
 
 def main() -> None:

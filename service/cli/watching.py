@@ -48,7 +48,7 @@ class Watch:
         """Hand all outcomes to the sink, and show it."""
         self._started = time.monotonic()
         with self._progress if self.shown else nullcontext():
-            task = self._progress.add_task("", total=None)
+            task = self._progress.add_task("starting", total=None)
             if self.shown:
                 threading.Thread(target=self._count, args=(task,), daemon=True).start()
             for outcome in outcomes:
