@@ -26,6 +26,12 @@ def small(start: Callable[..., Service]) -> Service:
 
 
 @pytest.fixture(scope="module")
+def one(start: Callable[..., Service]) -> Service:
+    """One worker, with room for what takes long."""
+    return start("--workers", "1")
+
+
+@pytest.fixture(scope="module")
 def two(start: Callable[..., Service]) -> Service:
     """Two workers."""
     return start("--workers", "2")
@@ -57,13 +63,13 @@ def large_stl(faces: int) -> bytes:
     return bytes(80) + np.uint32(faces).tobytes() + records.tobytes()
 
 
-def test_a_worker_that_dies_costs_its_own_request(small: Service, ring: bytes) -> None:
-    worker = only_worker(small)
+def test_a_worker_that_dies_costs_its_own_request(one: Service, ring: bytes) -> None:
+    worker = only_worker(one)
     before = computed(worker)
     with ThreadPoolExecutor(2) as pool:
-        large = pool.submit(classify, small, large_stl(200_000))
+        large = pool.submit(classify, one, large_stl(100_000))
         until(lambda: computed(worker) > before + 0.1)
-        queued = pool.submit(classify, small, ring)
+        queued = pool.submit(classify, one, ring)
         os.kill(worker, signal.SIGKILL)
         problem = problem_of(large.result(), 422)
         assert problem["fault"] == "worker-crashed"
