@@ -1,5 +1,6 @@
 """Files of this machine."""
 
+import errno
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -53,7 +54,10 @@ class LocalSource:
     def kind(self, path: str) -> Literal["file", "folder"] | None:
         if os.path.isdir(path):
             return "folder"
-        return "file" if os.path.exists(path) else None
+        if os.path.exists(path) and not os.path.isfile(path):
+            # A device may have no end, and a pipe can be read once.
+            raise OSError(errno.EINVAL, "it is no file; pipe what it holds to -")
+        return "file" if os.path.isfile(path) else None
 
     def file(self, path: str) -> Entry:
         return LocalFile(path)

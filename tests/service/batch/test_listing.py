@@ -154,3 +154,8 @@ def test_folders_however_deep(tmp_path: Path) -> None:
 def test_no_shard(text: str) -> None:
     with pytest.raises(ValueError, match="no part of a whole"):
         Shard.parse(text)
+
+
+def test_what_is_no_file_is_not_read() -> None:
+    with pytest.raises(NotListed, match=r"/dev/zero cannot be opened: it is no file; .* to -"):
+        Listing(["/dev/zero"])
