@@ -222,7 +222,7 @@ def test_without_what_draws_it_says_so_before_it_works(
 ) -> None:
     out = tmp_path / "out"
     done = without_drawing("evaluate", model_file, labelled, "--out", out)
-    assert (done.returncode, done.stdout) == (1, "")
+    assert (done.returncode, done.stdout) == (2, "")
     (line,) = done.stderr.splitlines()
     assert "matplotlib" in line
     assert "pip install '.[train]'" in line
