@@ -118,7 +118,10 @@ def test_a_body_that_breaks_and_is_not_asked_for(few: Service) -> None:
     refused(answer, 400, "bad-http")
     with connection(few) as opened:  # after it was answered
         opened.sendall((CHUNKED % LIVE).replace(b"POST", b"GET"))
-        assert opened.recv(65536).startswith(b"HTTP/1.1 200 ")
+        answer = b""
+        while not answer.endswith(b"}"):  # head and body may come apart
+            answer += opened.recv(65536)
+        assert answer.startswith(b"HTTP/1.1 200 ")
         opened.sendall(b"no number\r\n")
         assert opened.recv(65536) == b""
 
