@@ -23,7 +23,7 @@ from model.preparation.cleaning import (
 from model.preparation.coarsening import coarsen
 from model.preparation.report import MeshReport
 from model.preparation.resampling import decimate, subdivide
-from model.preparation.triangles import farthest, measure_faces
+from model.preparation.triangles import face_areas, farthest, measure_faces, surface_area
 
 __all__ = [
     "MeshReport",
@@ -104,16 +104,6 @@ def _resample(
     if len(faces) < budget - 1:
         return *subdivide(vertices, faces, budget), "subdivided"
     return vertices, faces, "none"
-
-
-def surface_area(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> float:
-    """Total area of the triangles, in the square of the vertices' unit."""
-    return float(face_areas(vertices, faces).sum())
-
-
-def face_areas(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> NDArray[np.float64]:
-    """Area of each triangle, F float64, in the square of the vertices' unit."""
-    return measure_faces(vertices, faces)[2]
 
 
 def into_unit_sphere(

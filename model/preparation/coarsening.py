@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from model.errors import UnusableMesh
 from model.mesh import Mesh
 from model.preparation.cleaning import bounding_cube, clean
-from model.preparation.triangles import measure_faces
+from model.preparation.triangles import surface_area
 
 # Faces up to which care costs no more than a fifth of a second.
 MOST_FACES = 20_000
@@ -36,7 +36,7 @@ def coarsen(
         fewer, fewer_faces = _cleaned(Mesh(*coarse[:2]))
     except UnusableMesh:
         return vertices, faces
-    kept = _area(fewer, fewer_faces) / _area(vertices, faces)
+    kept = surface_area(fewer, fewer_faces) / surface_area(vertices, faces)
     return (fewer, fewer_faces) if AREA_KEPT[0] <= kept <= AREA_KEPT[1] else (vertices, faces)
 
 
@@ -45,7 +45,3 @@ def _cleaned(mesh: Mesh) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
     corner, size = bounding_cube(mesh)
     vertices, faces, _ = clean(mesh)
     return vertices * size + corner, faces
-
-
-def _area(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> float:
-    return float(measure_faces(vertices, faces)[2].sum())

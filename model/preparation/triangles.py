@@ -33,6 +33,16 @@ def measure_faces(
     return centroids, area_normals, areas
 
 
+def surface_area(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> float:
+    """Total area of the triangles, in the square of the vertices' unit."""
+    return float(face_areas(vertices, faces).sum())
+
+
+def face_areas(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> NDArray[np.float64]:
+    """Area of each triangle, F float64, in the square of the vertices' unit."""
+    return measure_faces(vertices, faces)[2]
+
+
 @kernel
 def have_height(
     vertices: NDArray[np.float64],
