@@ -1,12 +1,17 @@
 """Bring a clean mesh to the face count that the network was trained on."""
 
 import heapq
+import os
 
 import numpy as np
 from numpy.typing import NDArray
 
 from model.kernels import kernel
 from model.topology.halfedges import find_twins
+
+# Read as libigl is first used. To start threads for each mesh takes longer than they save, and
+# where all cores are busy, they wait for each other.
+os.environ.setdefault("IGL_NUM_THREADS", "1")
 
 
 def decimate(
