@@ -1,39 +1,12 @@
-"""Workers that are kept alive and warm, and handed one mesh at a time, in order."""
+"""Workers that are kept alive and warm, and handed meshes one by one, in order."""
 
-import dataclasses
-import logging
-import queue
-import threading
-import time
 from concurrent.futures import Future
-from contextlib import suppress
 from typing import Any
 
 from export.metadata import ModelFileError
+from service.workers.jobs import Job, Jobs
+from service.workers.seat import Seat
 from service.workers.tasks import Record, Setup, Work
-from service.workers.worker import NotStarted, Worker, crashed
-
-log = logging.getLogger(__name__)
-
-# How often an idle worker is looked after, and how long until one that does not start is tried
-# again, in seconds.
-CHECK_SECONDS = 0.5
-RETRY_SECONDS = 1.0
-
-
-class _Job:
-    """Work in the queue, until it is done or cancelled. expires: on the monotonic clock, or None:
-    some time after its beginning."""
-
-    def __init__(self, work: Work, expires: float | None) -> None:
-        self.work: Work | None = work
-        self.queued = time.perf_counter()
-        self.expires = expires
-        self.future: Future[Record] = Future()
-        self.future.add_done_callback(self._forget)
-
-    def _forget(self, _: Future[Record]) -> None:
-        self.work = None  # what was cancelled may stay in the queue for long, its bytes may not
 
 
 class WorkerPool:
@@ -45,8 +18,8 @@ class WorkerPool:
     """
 
     def __init__(self, setup: Setup, workers: int) -> None:
-        self._jobs: queue.SimpleQueue[_Job] = queue.SimpleQueue()
-        self._seats = [_Seat(setup, self._jobs) for _ in range(workers)]
+        self._jobs = Jobs()
+        self._seats = [Seat(setup, self._jobs) for _ in range(workers)]
         self._stopped = False
         self.models: dict[str, dict[str, Any]] = {}
 
@@ -73,10 +46,10 @@ class WorkerPool:
         DeadlineExceeded or TaskFailed. Work that waits can be cancelled, and is forgotten at once;
         what runs, runs on to its deadline: to end it costs more than to finish it.
         """
-        job = _Job(work, expires)
+        job = Job(work, expires)
         self._jobs.put(job)
         if self._stopped:
-            self._drop_waiting()
+            self._jobs.cancel()
         return job.future
 
     @property
@@ -92,14 +65,9 @@ class WorkerPool:
     def stop(self) -> None:
         """End all workers at once, whatever they run; work that waits is cancelled."""
         self._stopped = True
-        self._drop_waiting()
+        self._jobs.cancel()
         for seat in self._seats:
             seat.close()
-
-    def _drop_waiting(self) -> None:
-        with suppress(queue.Empty):
-            while True:
-                self._jobs.get_nowait().future.cancel()
 
 
 def _by_name(models: list[dict[str, Any]]) -> dict[str, dict[str, Any]]:
@@ -108,86 +76,3 @@ def _by_name(models: list[dict[str, Any]]) -> dict[str, dict[str, Any]]:
         names = ", ".join(model["name"] for model in models)
         raise ModelFileError(f"models are told apart by their names, but these are: {names}")
     return by_name
-
-
-class _Seat(threading.Thread):
-    """Keeps one worker: takes work from the queue, and a new worker for one that died.
-
-    warm: what the models of the first worker say of themselves, or why it did not start.
-    """
-
-    def __init__(self, setup: Setup, jobs: "queue.SimpleQueue[_Job]") -> None:
-        super().__init__(daemon=True, name="worker-seat")
-        self._setup = setup
-        self._jobs = jobs
-        self._worker: Worker | None = None
-        self.warm: Future[list[dict[str, Any]]] = Future()
-        self.closing = threading.Event()
-        self.restarts = 0
-
-    @property
-    def alive(self) -> bool:
-        return self._worker is not None and self._worker.alive
-
-    def close(self) -> None:
-        """Take no more work, and lose what the worker has in hand."""
-        self.closing.set()
-        if self._worker is not None:
-            self._worker.kill()
-
-    def run(self) -> None:
-        try:
-            self._worker = Worker(self._setup)
-        except Exception as error:
-            self.warm.set_exception(error)
-            return
-        self.warm.set_result(self._worker.models)
-        while not self.closing.is_set():
-            self._take(self._worker)
-            self._worker = self._living(self._worker)
-        self._worker.end()
-
-    def _take(self, worker: Worker) -> None:
-        """Wait for a piece of work, and do it."""
-        try:
-            job = self._jobs.get(timeout=CHECK_SECONDS)
-        except queue.Empty:
-            return
-        if not job.future.set_running_or_notify_cancel():
-            return
-        work, expires = job.work, job.expires
-        assert work is not None
-        if expires is None:
-            expires = time.monotonic() + self._setup.seconds
-        waited = round((time.perf_counter() - job.queued) * 1000, 3)
-        try:
-            record = self._classify(work, expires, worker)
-        except Exception as error:
-            job.future.set_exception(error)
-        else:
-            timings = {"queue": waited, **record.timings_ms}
-            job.future.set_result(dataclasses.replace(record, timings_ms=timings))
-
-    def _classify(self, work: Work, expires: float, worker: Worker) -> Record:
-        """Give a worker that died before it began one successor; see `Worker.classify`."""
-        try:
-            return worker.classify(work, expires)
-        except NotStarted:
-            self._worker = worker = self._living(worker)
-        try:
-            return worker.classify(work, expires)
-        except NotStarted:
-            raise crashed("twice, as it was handed over") from None
-
-    def _living(self, worker: Worker) -> Worker:
-        """The worker itself, or if it died, a new one."""
-        while not worker.alive and not self.closing.is_set():
-            worker.end()
-            try:
-                worker = Worker(self._setup)
-                self.restarts += 1
-                log.warning("a worker ended, and another has taken its place")
-            except Exception as error:
-                log.error("a worker does not start, which is tried again: %s", error)
-                self.closing.wait(RETRY_SECONDS)
-        return worker

@@ -5,17 +5,23 @@ from multiprocessing.connection import Connection
 
 from service.workers.tasks import Setup, classify, too_much_memory, warm_up
 
+# Under which number the first answer goes out; work is numbered from 1, as it comes.
+WARM_UP = 0
 
-def run(pipe: Connection, begun: c_uint64, setup: Setup) -> None:
+
+def run(pipe: Connection, begun: c_uint64, taken_back: c_uint64, setup: Setup) -> None:
     """Warm up, then classify what comes, until nobody is at the other end.
 
-    Every answer is a pair: an error and None, or None and a value; the first is that of `warm_up`.
-    begun: shared with the other end, how many pieces of work have arrived here.
+    Every answer is a number, and an error and None, or None and a value; the first is that of
+    `warm_up`, and that to work that was taken back has neither. begun and taken_back are shared
+    with the other end: the number of the latest work that has arrived here, and of the one that is
+    to be done elsewhere. Each is written before the other is read, here as there: it may be left
+    undone on both ends, which this one tells, but is not done on both.
     """
     try:
-        pipe.send((None, warm_up(setup)))
+        pipe.send((WARM_UP, None, warm_up(setup)))
     except Exception as error:
-        pipe.send((error, None))
+        pipe.send((WARM_UP, error, None))
         return
     while True:
         try:
@@ -24,11 +30,14 @@ def run(pipe: Connection, begun: c_uint64, setup: Setup) -> None:
             return
         except MemoryError:
             # Half of it was taken off the pipe, which is of no use any more.
-            pipe.send((too_much_memory(), None))
+            pipe.send((begun.value + 1, too_much_memory(), None))
             return
         begun.value += 1
-        try:
-            answer = None, classify(work)
-        except Exception as error:
-            answer = error, None
-        pipe.send(answer)
+        number = begun.value
+        error, value = None, None
+        if taken_back.value != number:
+            try:
+                value = classify(work)
+            except Exception as raised:
+                error = raised
+        pipe.send((number, error, value))

@@ -5,17 +5,19 @@ import multiprocessing
 import os
 import threading
 import time
+from contextlib import suppress
 from multiprocessing.context import ForkServerContext
 from typing import Any
 
 from model.errors import UnusableMesh
-from service.workers.process import run
+from service.workers.process import WARM_UP, run
 from service.workers.tasks import Record, Setup, Work
 
 # Compiling the kernels, where no compiled ones are at hand, takes ten seconds.
 WARM_UP_SECONDS = 300.0
-# A pipe takes this much at once; to hand over more can take as long as the worker likes.
-HANDED_AT_ONCE = 32 * 1024
+# A pipe takes this much at once, and as much again; to hand over more can take as long as the
+# worker likes.
+HANDED_AT_ONCE = 64 * 1024
 # How long the system may take to tell how a process ended.
 EXIT_SECONDS = 1.0
 
@@ -25,7 +27,7 @@ class DeadlineExceeded(Exception):
 
 
 class NotStarted(Exception):
-    """The worker was gone before it began with the work, which another may do."""
+    """The worker was gone before it began with the work, or was asked not to: another may do it."""
 
 
 class Worker:
@@ -48,13 +50,15 @@ class Worker:
         self._ended = False
         self._pipe, theirs = context.Pipe()
         self._sent = 0
+        self._overran = False
         self._begun = context.RawValue(ctypes.c_uint64)
-        arguments = (theirs, self._begun, setup)
+        self._taken_back = context.RawValue(ctypes.c_uint64)
+        arguments = (theirs, self._begun, self._taken_back, setup)
         self._process = context.Process(target=run, args=arguments, daemon=True)
         self._process.start()
         theirs.close()
         try:
-            self.models: list[dict[str, Any]] = self._answer(WARM_UP_SECONDS)
+            self.models: list[dict[str, Any]] = self._answer(WARM_UP, WARM_UP_SECONDS)
         except (EOFError, OSError) as error:  # of which TimeoutError is one
             self.end()
             raise NotStarted(f"a worker process does not start: {error}") from None
@@ -66,49 +70,72 @@ class Worker:
     def alive(self) -> bool:
         return not self._ended and self._process.is_alive()
 
-    def classify(self, work: Work, expires: float) -> Record:
-        """Classify one mesh, by `expires` on the monotonic clock.
+    def hand_over(self, work: Work, expires: float) -> int:
+        """Give it work, after what it has; the number to ask for the answer under.
 
-        Raises MeshError, of which a crash is one; DeadlineExceeded; NotStarted; TaskFailed.
+        A process that does not take it by `expires`, on the monotonic clock, is killed. One that is
+        dead is found out when it is asked.
         """
-        left = expires - time.monotonic()
-        if left <= 0:
-            raise DeadlineExceeded
         self._sent += 1
-        try:
-            self._hand_over(work, left)
-            return self._answer(expires - time.monotonic())
-        except TimeoutError:
-            self.end()
-            raise DeadlineExceeded from None
-        except (EOFError, OSError):
-            self.end()
-            if time.monotonic() >= expires:
-                raise DeadlineExceeded from None
-            if self._begun.value < self._sent:
-                raise NotStarted from None
-            raise crashed(self._how_it_ended()) from None
+        with suppress(OSError):
+            if len(work.content) <= HANDED_AT_ONCE:
+                self._pipe.send(work)
+            else:
+                self._hand_over_in_time(work, expires)
+        return self._sent
 
-    def _hand_over(self, work: Work, seconds: float) -> None:
-        """Send work to the process, which is killed if it does not take it in time."""
-        if len(work.content) <= HANDED_AT_ONCE:
-            self._pipe.send(work)
-            return
-        watch = threading.Timer(seconds, self._process.kill)
+    def _hand_over_in_time(self, work: Work, expires: float) -> None:
+        watch = threading.Timer(expires - time.monotonic(), self._overrun)
         watch.start()
         try:
             self._pipe.send(work)
         finally:
             watch.cancel()
 
-    def _answer(self, seconds: float) -> Any:
-        """The next answer. Raises the error that it is, TimeoutError, or EOFError or OSError."""
-        if not self._pipe.poll(max(seconds, 0.0)):
-            raise TimeoutError
-        error, value = self._pipe.recv()
-        if error is not None:
-            raise error
-        return value
+    def _overrun(self) -> None:
+        self._overran = True
+        self.kill()
+
+    def take_back(self, number: int) -> bool:
+        """Ask for this work not to be done. Returns False if it is too late for that: it has begun.
+
+        Its answer need not be asked for then; nor after True.
+        """
+        self._taken_back.value = number
+        return self._begun.value < number
+
+    def answer(self, number: int, until: float) -> Record:
+        """The answer to this work; those before it that were not asked for are dropped.
+
+        Raises the error that it is: MeshError, of which a crash is one, or TaskFailed;
+        TimeoutError where there is none by `until`, on the monotonic clock; DeadlineExceeded,
+        NotStarted.
+        """
+        try:
+            return self._answer(number, until - time.monotonic())
+        except TimeoutError:
+            raise
+        except (EOFError, OSError):
+            self.end()
+            if self._overran:
+                raise DeadlineExceeded from None
+            if self._begun.value < number:
+                raise NotStarted from None
+            raise crashed(self._how_it_ended()) from None
+
+    def _answer(self, wanted: int, seconds: float) -> Any:
+        """The answer of a number. Raises the error that it is, TimeoutError, EOFError, OSError."""
+        ends = time.monotonic() + seconds
+        while self._pipe.poll(max(ends - time.monotonic(), 0.0)):
+            number, error, value = self._pipe.recv()
+            if number != wanted:
+                continue
+            if error is not None:
+                raise error
+            if value is None:
+                raise NotStarted
+            return value
+        raise TimeoutError
 
     def _how_it_ended(self) -> str:
         self._process.join(EXIT_SECONDS)

@@ -117,7 +117,7 @@ def test_a_file_that_takes_too_much_memory(small: Service, ring: bytes) -> None:
 
 def test_a_file_that_does_not_fit_into_a_worker_at_all(small: Service, ring: bytes) -> None:
     problem = problem_of(classify(small, b"#" * 90 * 2**20), 422)
-    assert problem["fault"] == "worker-crashed"
+    assert problem["fault"] == "too-much-memory"
     assert classify(small, ring).status_code == 200
 
 

@@ -1,8 +1,12 @@
 """The pool of workers by itself, as any program may use it."""
 
 import json
+import os
+import signal
 import time
 from collections.abc import Iterator
+from concurrent.futures import wait
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -14,6 +18,7 @@ from service.classifier import Classifier
 from service.models import ModelFile
 from service.records import answer
 from service.workers import DeadlineExceeded, Setup, Work, WorkerPool
+from tests.processes import held, until, workers
 
 MEMORY = 2**30
 
@@ -26,12 +31,27 @@ def soon() -> float:
     return time.monotonic() + 30
 
 
+@contextmanager
+def opened(model_file: Path, count: int) -> Iterator[tuple[WorkerPool, list[int]]]:
+    """A pool, and its processes."""
+    others = workers(os.getpid())
+    pool = WorkerPool(setup(ModelFile.read(str(model_file))), count)
+    pool.start()
+    try:
+        yield pool, [worker for worker in workers(os.getpid()) if worker not in others]
+    finally:
+        pool.stop()
+
+
 @pytest.fixture(scope="module")
 def pool(model_file: Path) -> Iterator[WorkerPool]:
-    opened = WorkerPool(setup(ModelFile.read(str(model_file))), workers=1)
-    opened.start()
-    yield opened
-    opened.stop()
+    with opened(model_file, 1) as (one, _):
+        yield one
+
+
+@pytest.fixture
+def ring(meshes: Path) -> Work:
+    return Work("tiny", (meshes / "ring.obj").read_bytes(), None, "obj")
 
 
 def test_the_record_is_that_of_the_classifier(
@@ -67,6 +87,41 @@ def test_work_that_is_cancelled_is_not_done(pool: WorkerPool, meshes: Path) -> N
     futures = [pool.submit(Work("tiny", content, None, "obj"), soon()) for _ in range(20)]
     assert futures[-1].cancel()
     assert all(future.result() for future in futures[:-1])
+
+
+def test_work_that_waits_for_a_slow_one_is_done_by_another(model_file: Path, ring: Work) -> None:
+    """Each of two workers has a mesh, and its next; what one that stands still has as its next is
+    done by the other."""
+    with opened(model_file, 2) as (pool, [slow, other]):
+        with held([slow]):
+            with held([other]):
+                futures = [pool.submit(ring, soon()) for _ in range(4)]
+                assert not wait(futures, timeout=0.3).done
+            until(lambda: sum(future.done() for future in futures) == 3)
+            assert wait(futures, timeout=0.3).not_done
+        assert len({future.result().label for future in futures}) == 1
+        assert pool.restarts == 0
+
+
+def test_work_that_a_worker_has_as_its_next_can_be_cancelled(model_file: Path, ring: Work) -> None:
+    with opened(model_file, 1) as (pool, processes):
+        with held(processes):
+            futures = [pool.submit(ring, soon()) for _ in range(3)]
+            assert not wait(futures, timeout=0.3).done
+            assert futures[1].cancel()
+        assert futures[0].result().label == futures[2].result().label
+
+
+def test_a_worker_that_dies_loses_nothing_that_it_had_not_begun(
+    model_file: Path, ring: Work
+) -> None:
+    with opened(model_file, 1) as (pool, processes):
+        with held(processes):
+            futures = [pool.submit(ring, soon()) for _ in range(3)]
+            assert not wait(futures, timeout=0.3).done
+            os.kill(processes[0], signal.SIGKILL)
+        assert len({future.result().label for future in futures}) == 1
+        assert pool.restarts == 1
 
 
 def test_a_model_that_cannot_be_opened_is_told_by_its_path(tmp_path: Path) -> None:

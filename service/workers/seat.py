@@ -1,0 +1,151 @@
+"""What keeps one worker at work: a thread, which replaces it when it dies."""
+
+import dataclasses
+import logging
+import threading
+import time
+from concurrent.futures import Future
+from typing import Any
+
+from service.workers.jobs import Job, Jobs
+from service.workers.tasks import Record, Setup, Work
+from service.workers.worker import HANDED_AT_ONCE, DeadlineExceeded, NotStarted, Worker, crashed
+
+log = logging.getLogger(__name__)
+
+# How often an idle worker is looked after, and how long until one that does not start is tried
+# again, in seconds.
+CHECK_SECONDS = 0.5
+RETRY_SECONDS = 1.0
+# Workers that may die as the same work is handed to them.
+ATTEMPTS = 2
+# So long, in seconds, work that was handed over ahead waits for the one before it. Then that one
+# takes its time, and another worker may be free before it is done.
+AHEAD_SECONDS = 0.05
+
+
+class Seat(threading.Thread):
+    """Takes work from the queue for one worker, and a new worker for one that died.
+
+    A worker that has answered would wait for this thread, and this thread for all others of a busy
+    service. So it is handed its next work while it does the one before.
+
+    warm: what the models of the first worker say of themselves, or why it did not start.
+    """
+
+    def __init__(self, setup: Setup, jobs: Jobs) -> None:
+        super().__init__(daemon=True, name="worker-seat")
+        self._setup = setup
+        self._jobs = jobs
+        self._worker: Worker | None = None
+        # What the worker is to do next, and the number under which it has it.
+        self._ahead: tuple[Job, int] | None = None
+        self.warm: Future[list[dict[str, Any]]] = Future()
+        self.closing = threading.Event()
+        self.restarts = 0
+
+    @property
+    def alive(self) -> bool:
+        """Whether there is a worker, and it is warm."""
+        return self._worker is not None and self._worker.alive
+
+    def close(self) -> None:
+        """Take no more work, and lose what the worker has in hand."""
+        self.closing.set()
+        if self._worker is not None:
+            self._worker.kill()
+
+    def run(self) -> None:
+        """Keep a worker at work until the seat is closed."""
+        try:
+            self._worker = Worker(self._setup)
+        except Exception as error:
+            self.warm.set_exception(error)
+            return
+        self.warm.set_result(self._worker.models)
+        while not self.closing.is_set():
+            self._do_next(self._worker)
+            self._worker = self._living(self._worker)
+        self._worker.end()
+        self._put_back_ahead()
+
+    def _do_next(self, worker: Worker) -> None:
+        """Wait for a piece of work, and do it."""
+        job, number = self._ahead or (self._jobs.take(CHECK_SECONDS), None)
+        self._ahead = None
+        if job is None:
+            return
+        if not job.future.set_running_or_notify_cancel():
+            if number is not None:
+                worker.take_back(number)
+            return
+        work, expires = job.work, job.expires
+        assert work is not None
+        if expires is None:
+            expires = time.monotonic() + self._setup.seconds
+        waited = round((time.perf_counter() - job.queued) * 1000, 3)
+        try:
+            record = self._classify(work, expires, worker, number)
+        except Exception as error:
+            job.future.set_exception(error)
+        else:
+            timings = {"queue": waited, **record.timings_ms}
+            job.future.set_result(dataclasses.replace(record, timings_ms=timings))
+
+    def _classify(self, work: Work, expires: float, worker: Worker, number: int | None) -> Record:
+        """The record of work that the worker has under a number, or with None, is yet to be given.
+
+        A worker that dies before it begins has a successor. Raises MeshError, of which a crash is
+        one; DeadlineExceeded; TaskFailed.
+        """
+        for _ in range(ATTEMPTS):
+            if time.monotonic() >= expires:
+                raise DeadlineExceeded
+            if number is None:
+                number = worker.hand_over(work, expires)
+            try:
+                return self._answer(worker, number, expires)
+            except NotStarted:
+                self._worker = worker = self._living(worker)
+                number = None
+        raise crashed("twice, as it was handed over")
+
+    def _answer(self, worker: Worker, number: int, expires: float) -> Record:
+        """The answer to what the worker does now, which is handed what it is to do next."""
+        next_job = self._jobs.take_ahead(HANDED_AT_ONCE)
+        if next_job is not None:
+            if (work := next_job.work) is not None:
+                self._ahead = next_job, worker.hand_over(work, expires)
+            try:
+                return worker.answer(number, min(expires, time.monotonic() + AHEAD_SECONDS))
+            except TimeoutError:
+                self._take_back_ahead(worker)
+        try:
+            return worker.answer(number, expires)
+        except TimeoutError:
+            worker.end()
+            raise DeadlineExceeded from None
+
+    def _take_back_ahead(self, worker: Worker) -> None:
+        if self._ahead is not None and worker.take_back(self._ahead[1]):
+            self._put_back_ahead()
+
+    def _put_back_ahead(self) -> None:
+        if self._ahead is not None:
+            job, _ = self._ahead
+            self._ahead = None
+            self._jobs.put_back(job)
+
+    def _living(self, worker: Worker) -> Worker:
+        """The worker itself, or if it died, a new one."""
+        while not worker.alive and not self.closing.is_set():
+            worker.end()
+            self._put_back_ahead()
+            try:
+                worker = Worker(self._setup)
+                self.restarts += 1
+                log.warning("a worker ended, and another has taken its place")
+            except Exception as error:
+                log.error("a worker does not start, which is tried again: %s", error)
+                self.closing.wait(RETRY_SECONDS)
+        return worker
