@@ -23,6 +23,8 @@ from model.samples import sample_paths
 CORES = len(os.sched_getaffinity(0))
 FOLDER_FILES = 1000
 SAMPLE_SECONDS = 0.2
+# The system goes through all pages of a process to tell its memory: seldom, not to be in the way.
+MEMORY_SECONDS = 2.0
 
 
 @dataclass(frozen=True)
@@ -77,7 +79,7 @@ def run(folder: Path, output: Path, way: Way) -> Run:
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
     started: dict[int, float] = {}
     computed: dict[int, float] = {}
-    memory = 0.0
+    memory, weighed = 0.0, -MEMORY_SECONDS
     while process.poll() is None:
         seconds = {member: computed_by(member) for member in family_of(process.pid)}
         if not output.exists():  # which is made once all workers are warm
@@ -85,7 +87,9 @@ def run(folder: Path, output: Path, way: Way) -> Run:
         for member, spent in seconds.items():
             since = spent - started.get(member, 0.0)
             computed[member] = max(computed.get(member, 0.0), since)
-        memory = max(memory, memory_of(process.pid))
+        if time.monotonic() > weighed + MEMORY_SECONDS:
+            memory = max(memory, memory_of(process.pid))
+            weighed = time.monotonic()
         time.sleep(SAMPLE_SECONDS)
     assert process.stderr is not None
     told = process.stderr.read()
