@@ -26,6 +26,7 @@ ROOT = Path(__file__).parents[1]
 BENCHMARKS = (
     "latency",
     "roofline",
+    "alternatives",
     "training_step",
     "decimation",
     "growth",
