@@ -45,7 +45,7 @@ def pool_faces(
     living = faces
     while living > target:
         weights = _weigh(twin, _average(features, offsets, members), alive, squared)
-        order = np.argsort(weights, kind="mergesort")[:living]
+        order = _ascending(weights, np.flatnonzero(alive))
         touched, removed = _collapse_pass(twin, alive, order, living, target)
         if removed == 0:
             break
@@ -96,6 +96,40 @@ def _weigh(
             total += distance if squared else np.sqrt(distance)
         weights[f] = total * 3 / max(present, 1)
     return weights
+
+
+@kernel
+def _ascending(weights: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The faces by weight, equal ones in the order given.
+
+    A radix sort, by one byte of the weights after the other: no branch hangs on what they are, and
+    numbers that are not negative compare as their bits do.
+    """
+    keys = weights.view(np.uint64)[faces]
+    sorted_keys = np.empty_like(keys)
+    sorted_faces = np.empty_like(faces)
+    # How many keys have a value in a byte; then, where the next of them goes.
+    places = np.zeros((8, 256), np.uint32)
+    for key in keys:
+        for byte in range(8):
+            places[byte, _value(key, byte)] += 1
+    for byte in range(8):
+        start = 0
+        for value in range(256):
+            places[byte, value], start = start, start + places[byte, value]
+        for i in range(len(keys)):
+            place = places[byte, _value(keys[i], byte)]
+            places[byte, _value(keys[i], byte)] += 1
+            sorted_keys[place] = keys[i]
+            sorted_faces[place] = faces[i]
+        keys, sorted_keys = sorted_keys, keys
+        faces, sorted_faces = sorted_faces, faces
+    return faces
+
+
+@kernel
+def _value(key: np.uint64, byte: int) -> np.uint64:
+    return (key >> np.uint64(8 * byte)) & np.uint64(255)
 
 
 @kernel
