@@ -65,8 +65,9 @@ def _average(
     for f in range(len(features)):
         size = offsets[f + 1] - offsets[f]
         for i in range(offsets[f], offsets[f + 1]):
+            m = members[i]
             for c in range(features.shape[1]):
-                means[f, c] += features[members[i], c] / size
+                means[f, c] += features[m, c] if size == 1 else features[m, c] / size
     return means
 
 
