@@ -89,7 +89,12 @@ def pooling_features(
     faces that collapse.
     """
     centroids, normals = _measure_faces(vertices, faces)
-    return np.concatenate((centroids, normals), axis=1).astype(np.float32)
+    features = np.empty((len(faces), 6), np.float32)
+    for f in range(len(faces)):
+        for k in range(3):
+            features[f, k] = centroids[f, k]
+            features[f, 3 + k] = normals[f, k]
+    return features
 
 
 @kernel
