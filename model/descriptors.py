@@ -43,12 +43,12 @@ def descriptor_terms(
     """
     centroids, normals = _measure_faces(vertices, faces)
     vertex_normals = _average_normals(normals, faces, len(vertices))
-    terms = np.zeros((len(faces), 7, 3), np.float32)
+    terms = np.empty((7 * len(faces), 3), np.float32)
     axes = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
     for f in range(len(faces)):
         centroid, normal = _row(centroids, f), _row(normals, f)
         if face_axes:
-            axes = _face_axes(vertices, faces[f], centroid, normal)
+            axes = _face_axes(vertices, faces, f, centroid, normal)
         offsets = corner_normals = apex_differences = (0.0, 0.0, 0.0)
         centroid_differences = normal_products = (0.0, 0.0, 0.0)
         for s in range(3):
@@ -68,14 +68,14 @@ def descriptor_terms(
                     _row(vertices, _apex(faces, t)), _row(vertices, _apex(faces, before))
                 )
                 apex_differences = _add(apex_differences, _magnitudes(_along(axes, step)))
-        _write(terms[f, 0], offsets)
-        _write(terms[f, 1], _along(axes, corner_normals))
-        _write(terms[f, 2], apex_differences)
-        _write(terms[f, 3], _along(axes, centroid))
-        _write(terms[f, 4], _along(axes, normal))
-        _write(terms[f, 5], centroid_differences)
-        _write(terms[f, 6], normal_products)
-    return terms
+        _write(terms, 7 * f, offsets)
+        _write(terms, 7 * f + 1, _along(axes, corner_normals))
+        _write(terms, 7 * f + 2, apex_differences)
+        _write(terms, 7 * f + 3, _along(axes, centroid))
+        _write(terms, 7 * f + 4, _along(axes, normal))
+        _write(terms, 7 * f + 5, centroid_differences)
+        _write(terms, 7 * f + 6, normal_products)
+    return terms.reshape(len(faces), 7, 3)
 
 
 @kernel
@@ -89,12 +89,21 @@ def pooling_features(
     faces that collapse.
     """
     centroids, normals = _measure_faces(vertices, faces)
-    return np.concatenate((centroids, normals), axis=1).astype(np.float32)
+    features = np.empty((len(faces), 6), np.float32)
+    for f in range(len(faces)):
+        for k in range(3):
+            features[f, k] = centroids[f, k]
+            features[f, 3 + k] = normals[f, k]
+    return features
 
 
 @kernel
 def _face_axes(
-    vertices: NDArray[np.float64], face: NDArray[np.int32], centroid: Vector, normal: Vector
+    vertices: NDArray[np.float64],
+    faces: NDArray[np.int32],
+    f: int,
+    centroid: Vector,
+    normal: Vector,
 ) -> tuple[Vector, Vector, Vector]:
     """A face's own axes: normal, away from the mesh's centre, and across both.
 
@@ -105,7 +114,7 @@ def _face_axes(
     if _length(tangent) < SHORTEST_TANGENT:
         farthest = (0.0, 0.0, 0.0)
         for s in range(3):
-            offset = _subtract(_row(vertices, face[s]), centroid)
+            offset = _subtract(_row(vertices, faces[f, s]), centroid)
             if _dot(offset, offset) > _dot(farthest, farthest):
                 farthest = offset
         tangent = _in_plane(farthest, normal)
@@ -138,11 +147,11 @@ def _measure_faces(
             _row(vertices, faces[f, 1]),
             _row(vertices, faces[f, 2]),
         )
-        _write(centroids[f], _scale(_add(_add(a, b), c), 1 / 3))
+        _write(centroids, f, _scale(_add(_add(a, b), c), 1 / 3))
         across = _cross(_subtract(b, a), _subtract(c, a))
         length = _length(across)
         if length > 0:
-            _write(normals[f], _scale(across, 1 / length))
+            _write(normals, f, _scale(across, 1 / length))
     return centroids, normals
 
 
@@ -157,9 +166,9 @@ def _average_normals(
         for s in range(3):
             v = faces[f, s]
             around[v] += 1
-            _write(means[v], _add(_row(means, v), _row(normals, f)))
+            _write(means, v, _add(_row(means, v), _row(normals, f)))
     for v in range(vertex_count):
-        _write(means[v], _scale(_row(means, v), 1 / max(around[v], 1)))
+        _write(means, v, _scale(_row(means, v), 1 / max(around[v], 1)))
     return means
 
 
@@ -172,8 +181,8 @@ def _row(table: NDArray, i: int) -> Vector:
 
 
 @kernel
-def _write(out: NDArray, a: Vector) -> None:
-    out[0], out[1], out[2] = a
+def _write(table: NDArray, i: int, a: Vector) -> None:
+    table[i, 0], table[i, 1], table[i, 2] = a
 
 
 @kernel

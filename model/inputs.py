@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,18 +84,18 @@ def collate(batch: Sequence[MeshInputs]) -> dict[str, NDArray]:
 
 def _join_topologies(batch: Sequence[Topology]) -> dict[str, NDArray[np.int32]]:
     levels = len(batch[0].patches)
-    counts = np.array([topology.face_counts for topology in batch])
-    # Where each mesh's faces begin in the table of each level: B x (L + 1).
-    starts = np.cumsum(counts, axis=0) - counts
-    rows = [np.arange(1, count + 1, dtype=np.int32)[None] for count in counts[:, levels]]
+    # Of each of the L + 1 levels: the faces of every mesh, and where they begin in its table.
+    counts = list(zip(*(topology.face_counts for topology in batch), strict=True))
+    starts = [list(accumulate(level[:-1], initial=0)) for level in counts]
+    rows = [np.arange(1, count + 1, dtype=np.int32)[None] for count in counts[levels]]
     return {
         **{
-            f"patches_{level}": join_indices([t.patches[level] for t in batch], starts[:, level])
+            f"patches_{level}": join_indices([t.patches[level] for t in batch], starts[level])
             for level in range(levels)
         },
         **{
-            f"pools_{level}": join_indices([t.pools[level] for t in batch], starts[:, level])
+            f"pools_{level}": join_indices([t.pools[level] for t in batch], starts[level])
             for level in range(levels)
         },
-        "readout": join_indices(rows, starts[:, levels]),
+        "readout": join_indices(rows, starts[levels]),
     }

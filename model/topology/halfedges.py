@@ -79,15 +79,18 @@ def _sorted_edges(
 def _counting_sort(
     ids: NDArray[np.int32], keys: NDArray[np.int32], key_count: int
 ) -> NDArray[np.int32]:
-    starts = np.zeros(key_count + 1, np.int32)
+    # How many ids have a key; then, where the next of them goes.
+    places = np.zeros(key_count, np.uint32)
     for i in ids:
-        starts[keys[i] + 1] += 1
-    for k in range(key_count):
-        starts[k + 1] += starts[k]
+        places[keys[i]] += 1
+    start = 0
+    for key in range(key_count):
+        places[key], start = start, start + places[key]
     result = np.empty_like(ids)
     for i in ids:
-        result[starts[keys[i]]] = i
-        starts[keys[i]] += 1
+        place = places[keys[i]]
+        places[keys[i]] += 1
+        result[place] = i
     return result
 
 

@@ -41,8 +41,9 @@ def build_topology(
     """
     patches, pools = [], []
     for target in targets:
+        if pools:
+            features = gather_mean(features, pools[-1])
         patches.append(surface.patches(patch_size, reading))
         surface, index = surface.pool(features, target, reading)
-        features = gather_mean(features, index)
         pools.append(index)
     return Topology(tuple(patches), tuple(pools))

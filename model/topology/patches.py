@@ -19,15 +19,16 @@ def grow_patches(adjacency: NDArray[np.int32], patch_size: int) -> NDArray[np.in
     patches = np.zeros((faces, patch_size), np.int32)
     seen_by = np.full(faces + 1, -1, np.int32)
     for f in range(faces):
-        patch = patches[f]
-        patch[0] = f + 1
+        patches[f, 0] = f + 1
         seen_by[f + 1] = f
         found = 1
         visited = 0
         while visited < found < patch_size:
-            for neighbour in adjacency[patch[visited] - 1]:
+            g = patches[f, visited] - 1
+            for slot in range(3):
+                neighbour = adjacency[g, slot]
                 if neighbour > 0 and seen_by[neighbour] != f and found < patch_size:
-                    patch[found] = neighbour
+                    patches[f, found] = neighbour
                     seen_by[neighbour] = f
                     found += 1
             visited += 1

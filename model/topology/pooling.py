@@ -22,6 +22,9 @@ from model.kernels import kernel
 # A collapse without flaps removes four faces: from one above the target it lands three below.
 SLACK = 3
 
+# A face and its neighbours; -1 for one that is not there.
+Region = tuple[int, int, int, int]
+
 
 @kernel
 def pool_faces(
@@ -45,7 +48,7 @@ def pool_faces(
     living = faces
     while living > target:
         weights = _weigh(twin, _average(features, offsets, members), alive, squared)
-        order = np.argsort(weights, kind="mergesort")[:living]
+        order = _ascending(weights, np.flatnonzero(alive))
         touched, removed = _collapse_pass(twin, alive, order, living, target)
         if removed == 0:
             break
@@ -61,9 +64,10 @@ def _average(
     means = np.zeros(features.shape)
     for f in range(len(features)):
         size = offsets[f + 1] - offsets[f]
-        for m in members[offsets[f] : offsets[f + 1]]:
+        for i in range(offsets[f], offsets[f + 1]):
+            m = members[i]
             for c in range(features.shape[1]):
-                means[f, c] += features[m, c] / size
+                means[f, c] += features[m, c] if size == 1 else features[m, c] / size
     return means
 
 
@@ -99,6 +103,40 @@ def _weigh(
 
 
 @kernel
+def _ascending(weights: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The faces by weight, equal ones in the order given.
+
+    A radix sort, by one byte of the weights after the other: no branch hangs on what they are, and
+    numbers that are not negative compare as their bits do.
+    """
+    keys = weights.view(np.uint64)[faces]
+    sorted_keys = np.empty_like(keys)
+    sorted_faces = np.empty_like(faces)
+    # How many keys have a value in a byte; then, where the next of them goes.
+    places = np.zeros((8, 256), np.uint32)
+    for key in keys:
+        for byte in range(8):
+            places[byte, _value(key, byte)] += 1
+    for byte in range(8):
+        start = 0
+        for value in range(256):
+            places[byte, value], start = start, start + places[byte, value]
+        for i in range(len(keys)):
+            place = places[byte, _value(keys[i], byte)]
+            places[byte, _value(keys[i], byte)] += 1
+            sorted_keys[place] = keys[i]
+            sorted_faces[place] = faces[i]
+        keys, sorted_keys = sorted_keys, keys
+        faces, sorted_faces = sorted_faces, faces
+    return faces
+
+
+@kernel
+def _value(key: np.uint64, byte: int) -> np.uint64:
+    return (key >> np.uint64(8 * byte)) & np.uint64(255)
+
+
+@kernel
 def _collapse_pass(
     twin: NDArray[np.int32],
     alive: NDArray[np.bool_],
@@ -114,7 +152,6 @@ def _collapse_pass(
     faces = len(alive)
     taken = np.zeros(faces, np.bool_)
     touched = np.full((faces, 3), -1, np.int32)
-    removed = np.empty(4, np.int32)
     # What an attempt changed, to undo it: half-edges with their old twins, and faces killed.
     changed = np.empty(faces + 16, np.int32)
     old_twin = np.empty(faces + 16, np.int32)
@@ -123,85 +160,83 @@ def _collapse_pass(
     for f in order:
         if living - total <= target:
             break
-        removed_count = _free_region(f, twin, taken, removed)
-        if removed_count == 0:
+        if taken[f]:
             continue
-        bridged = _bridge(twin, removed[:removed_count], changed, old_twin)
-        killed[:removed_count] = removed[:removed_count]
-        for r in removed[:removed_count]:
-            alive[r] = False
+        region = (f, twin[3 * f] // 3, twin[3 * f + 1] // 3, twin[3 * f + 2] // 3)
+        if not _is_free(region, twin, taken):
+            continue
+        bridged = _bridge(twin, region, changed, old_twin)
+        removed = 0
+        for r in region:
+            if r >= 0:
+                alive[r] = False
+                killed[removed] = r
+                removed += 1
         changed_count, killed_count, emptied = _remove_flaps(
-            twin, alive, changed, old_twin, bridged, killed, removed_count
+            twin, alive, changed, old_twin, bridged, killed, removed
         )
         if emptied or living - total - killed_count < target - SLACK:
             for i in range(changed_count - 1, -1, -1):
                 twin[changed[i]] = old_twin[i]
-            alive[killed[:killed_count]] = True
+            for i in range(killed_count):
+                alive[killed[i]] = True
             continue
         total += killed_count
         for i in range(bridged):
             touched[changed[i] // 3, changed[i] % 3] = old_twin[i] // 3
-        for h in changed[:changed_count]:
-            taken[h // 3] = True
-        taken[killed[:killed_count]] = True
+        for i in range(changed_count):
+            taken[changed[i] // 3] = True
+        for i in range(killed_count):
+            taken[killed[i]] = True
     return touched, total
 
 
 @kernel
-def _free_region(
-    f: int, twin: NDArray[np.int32], taken: NDArray[np.bool_], removed: NDArray[np.int32]
-) -> int:
-    """Fill `removed` with f and its neighbours; 0 if the region is taken or has no survivor."""
-    if taken[f]:
-        return 0
-    removed[0] = f
-    count = 1
-    for h in range(3 * f, 3 * f + 3):
-        if twin[h] >= 0:
-            removed[count] = twin[h] // 3
-            count += 1
-    survivors = 0
-    for o in removed[1:count]:
+def _is_free(region: Region, twin: NDArray[np.int32], taken: NDArray[np.bool_]) -> bool:
+    """Whether no face of the region or next to it is taken, and there is one next to it."""
+    survivors = False
+    for o in region[1:]:
+        if o < 0:
+            continue
         if taken[o]:
-            return 0
+            return False
         for h in range(3 * o, 3 * o + 3):
             across = twin[h] // 3
-            if across >= 0 and not _contains(removed[:count], across):
-                if taken[across]:
-                    return 0
-                survivors += 1
-    return count if survivors else 0
+            if across < 0:
+                continue
+            if taken[across]:
+                return False
+            survivors |= not _contains(region, across)
+    return survivors
 
 
 @kernel
-def _contains(values: NDArray[np.int32], value: int) -> bool:
-    for v in values:  # noqa: SIM110 (numba compiles no any())
-        if v == value:
-            return True
-    return False
+def _contains(region: Region, f: int) -> bool:
+    return f == region[0] or f == region[1] or f == region[2] or f == region[3]
 
 
 @kernel
 def _bridge(
     twin: NDArray[np.int32],
-    removed: NDArray[np.int32],
+    region: Region,
     changed: NDArray[np.int32],
     old_twin: NDArray[np.int32],
 ) -> int:
-    """Re-twin the survivors around `removed` through the faces that go; log the changes."""
-    centre = removed[0]
+    """Re-twin the survivors around a region through the faces that go; log the changes."""
     count = 0
-    for o in removed[1:]:
+    for o in region[1:]:
+        if o < 0:
+            continue
         for h in range(3 * o, 3 * o + 3):
             outside = twin[h]
-            if outside >= 0 and not _contains(removed, outside // 3):
+            if outside >= 0 and not _contains(region, outside // 3):
                 changed[count] = outside
                 old_twin[count] = h
                 count += 1
     for i in range(count):
-        exit_side = _other_outer_side(twin, old_twin[i], centre)
-        while twin[exit_side] >= 0 and _contains(removed, twin[exit_side] // 3):
-            exit_side = _other_outer_side(twin, twin[exit_side], centre)
+        exit_side = _other_outer_side(twin, old_twin[i], region[0])
+        while twin[exit_side] >= 0 and _contains(region, twin[exit_side] // 3):
+            exit_side = _other_outer_side(twin, twin[exit_side], region[0])
         end = twin[exit_side]
         twin[changed[i]] = -1 if end // 3 == changed[i] // 3 else end
     return count
@@ -292,15 +327,9 @@ def _gather_members(
     Without `survivor` its own are left out, unless it touched none.
     """
     faces = len(alive)
-    bound = 0
-    for f in range(faces):
-        if alive[f]:
-            bound += offsets[f + 1] - offsets[f]
-            for o in touched[f]:
-                if o >= 0:
-                    bound += offsets[o + 1] - offsets[o]
     new_offsets = np.empty(faces + 1, np.int64)
-    new_members = np.empty(bound, np.int32)
+    # A removed face lies behind two sides of survivors at most.
+    new_members = np.empty(2 * len(members), np.int32)
     listed_by = np.full(faces, -1, np.int32)
     count = 0
     for f in range(faces):
@@ -312,7 +341,8 @@ def _gather_members(
             source = f if slot == 0 else touched[f, slot - 1]
             if source < 0:
                 continue
-            for m in members[offsets[source] : offsets[source + 1]]:
+            for i in range(offsets[source], offsets[source + 1]):
+                m = members[i]
                 if listed_by[m] != f:
                     listed_by[m] = f
                     new_members[count] = m

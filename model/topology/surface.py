@@ -64,4 +64,4 @@ class Surface:
         kept, twin, index = pool_faces(
             self.twin, features, target, reading.squared_norm, reading.survivor
         )
-        return Surface(twin, self.lengths.reshape(-1, 3)[kept].reshape(-1)), index
+        return Surface(twin, self.lengths.reshape(-1, 3).take(kept, axis=0).reshape(-1)), index
