@@ -15,8 +15,8 @@ from service.workers.tasks import Record, Setup, Work
 
 # Compiling the kernels, where no compiled ones are at hand, takes ten seconds.
 WARM_UP_SECONDS = 300.0
-# A pipe takes this much at once, and as much again; to hand over more can take as long as the
-# worker likes.
+# A pipe takes three times this much: what was taken back and is still in it, what is to be done,
+# and what is to be done next. To hand over more can take as long as the worker likes.
 HANDED_AT_ONCE = 64 * 1024
 # How long the system may take to tell how a process ended.
 EXIT_SECONDS = 1.0
@@ -78,7 +78,7 @@ class Worker:
         """
         self._sent += 1
         with suppress(OSError):
-            if len(work.content) <= HANDED_AT_ONCE:
+            if work.size <= HANDED_AT_ONCE:
                 self._pipe.send(work)
             else:
                 self._hand_over_in_time(work, expires)
