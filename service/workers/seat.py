@@ -89,7 +89,8 @@ class Seat(threading.Thread):
         try:
             record = self._classify(work, expires, worker, number)
         except Exception as error:
-            job.future.set_exception(error)
+            # Its traceback would keep this frame, with all the bytes, and the frame the error.
+            job.future.set_exception(error.with_traceback(None))
         else:
             timings = {"queue": waited, **record.timings_ms}
             job.future.set_result(dataclasses.replace(record, timings_ms=timings))

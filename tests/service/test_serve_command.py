@@ -66,6 +66,25 @@ def test_a_stop_is_told_and_loses_nothing(start: Callable[..., Service], meshes:
     assert "Traceback" not in service.log.read_text()
 
 
+def test_a_stop_in_the_middle_of_a_batch_answers_all_of_it(
+    start: Callable[..., Service], meshes: Path
+) -> None:
+    service = start("--workers", "1")
+    files = [("file", ("ring.obj", (meshes / "ring.obj").read_bytes()))] * 20
+    with httpx.stream("POST", f"{service.url}/v1/classify/batch", files=files) as answer:
+        lines = answer.iter_lines()
+        received = [next(lines)]
+        with held(workers(service.process.pid)):
+            service.process.send_signal(signal.SIGTERM)
+            until(lambda: httpx.get(f"{service.url}/readyz").status_code == 503)
+        received += lines
+    assert [json.loads(line)["class"] for line in received] == [
+        json.loads(received[0])["class"]
+    ] * 20
+    assert service.process.wait(30) == 0
+    assert "Traceback" not in service.log.read_text()
+
+
 @pytest.mark.parametrize("patience", ["grace", "second signal"])
 def test_a_stop_does_not_wait_for_ever(
     start: Callable[..., Service], meshes: Path, patience: str

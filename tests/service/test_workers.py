@@ -1,10 +1,12 @@
 """The pool of workers by itself, as any program may use it."""
 
 import dataclasses
+import gc
 import json
 import os
 import signal
 import time
+import weakref
 from collections.abc import Iterator
 from concurrent.futures import Future, wait
 from contextlib import contextmanager
@@ -90,6 +92,20 @@ def test_errors_cross_the_border_as_they_are(pool: WorkerPool) -> None:
     error = pool.submit(Work("tiny", text.encode(), None, "obj"), soon()).exception()
     assert isinstance(error, LimitExceeded)
     assert (error.limit, error.value) == ("faces", 600)
+
+
+def test_an_error_keeps_nothing_of_the_file_that_it_is_of(pool: WorkerPool) -> None:
+    """Not even until garbage is collected: many large files may be damaged."""
+    damaged = Work("tiny", b"OFF\n1", None, "off")
+    left = weakref.ref(damaged)
+    gc.disable()
+    try:
+        error = pool.submit(damaged, soon()).exception()
+        del damaged
+        until(lambda: left() is None)
+    finally:
+        gc.enable()
+    assert isinstance(error, MalformedFile)
 
 
 def test_work_whose_time_is_over_is_not_begun(pool: WorkerPool) -> None:
