@@ -11,7 +11,8 @@ import httpx
 import numpy as np
 import pytest
 
-from tests.processes import computed, held, until, workers
+from benchmarks.processes import computed_by
+from tests.processes import held, until, workers
 from tests.service.conftest import Service
 from tests.service.test_http_problems import problem_of
 
@@ -65,10 +66,10 @@ def large_stl(faces: int) -> bytes:
 
 def test_a_worker_that_dies_costs_its_own_request(one: Service, ring: bytes) -> None:
     worker = only_worker(one)
-    before = computed(worker)
+    before = computed_by(worker)
     with ThreadPoolExecutor(2) as pool:
         large = pool.submit(classify, one, large_stl(100_000))
-        until(lambda: computed(worker) > before + 0.1)
+        until(lambda: computed_by(worker) > before + 0.1)
         queued = pool.submit(classify, one, ring)
         os.kill(worker, signal.SIGKILL)
         problem = problem_of(large.result(), 422)
