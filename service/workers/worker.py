@@ -55,13 +55,16 @@ class Worker:
         self._taken_back = context.RawValue(ctypes.c_uint64)
         arguments = (theirs, self._begun, self._taken_back, setup)
         self._process = context.Process(target=run, args=arguments, daemon=True)
-        self._process.start()
+        try:
+            self._process.start()
+        except OSError as error:  # it was gone before it had read what it is to do
+            raise _not_started(error) from None
         theirs.close()
         try:
             self.models: list[dict[str, Any]] = self._answer(WARM_UP, WARM_UP_SECONDS)
         except (EOFError, OSError) as error:  # of which TimeoutError is one
             self.end()
-            raise NotStarted(f"a worker process does not start: {error}") from None
+            raise _not_started(error) from None
         except BaseException:
             self.end()
             raise
@@ -162,6 +165,11 @@ def _context() -> ForkServerContext:
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(["service.workers.origin"])
     return context
+
+
+def _not_started(error: Exception) -> NotStarted:
+    reason = str(error) or type(error).__name__
+    return NotStarted(f"a worker process does not start: {reason}")
 
 
 def crashed(how: str) -> UnusableMesh:

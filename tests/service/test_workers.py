@@ -1,6 +1,7 @@
 """The pool of workers by itself, as any program may use it."""
 
 import dataclasses
+import errno
 import gc
 import json
 import os
@@ -10,6 +11,7 @@ import weakref
 from collections.abc import Iterator
 from concurrent.futures import Future, wait
 from contextlib import contextmanager
+from multiprocessing.context import ForkServerProcess
 from pathlib import Path
 
 import pytest
@@ -20,7 +22,7 @@ from model.loading import Limits
 from service.classifier import Classifier
 from service.models import ModelFile
 from service.records import answer
-from service.workers import DeadlineExceeded, Record, Setup, Work, WorkerPool
+from service.workers import DeadlineExceeded, NotStarted, Record, Setup, Work, WorkerPool
 from tests.processes import held, until, workers
 
 MEMORY = 2**30
@@ -228,3 +230,16 @@ def test_a_model_that_cannot_be_opened_is_told_by_its_path(tmp_path: Path) -> No
     refused = WorkerPool(setup(ModelFile(tmp_path / "my.onnx", b"nothing")), workers=1)
     with pytest.raises(ModelFileError, match=r"my\.onnx"):
         refused.start()
+
+
+def test_a_worker_that_is_gone_as_it_starts_is_told(
+    model_file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As where the system ends it for want of memory: no broken pipe of the command's own."""
+
+    def start(_: object) -> None:
+        raise BrokenPipeError(errno.EPIPE, "Broken pipe")
+
+    monkeypatch.setattr(ForkServerProcess, "start", start)
+    with pytest.raises(NotStarted, match="a worker process does not start"):
+        WorkerPool(setup(ModelFile.read(str(model_file))), workers=1).start()
