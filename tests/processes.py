@@ -31,12 +31,6 @@ def family(service: int) -> list[int]:
     return [*children(service), *workers(service)]
 
 
-def computed(process: int) -> float:
-    """Seconds that a process has computed so far."""
-    fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
-
-
 @contextmanager
 def held(processes: list[int]) -> Iterator[None]:
     """Processes that hang for a while, if they are not killed meanwhile."""

@@ -55,6 +55,8 @@ def serve(**flags: Any) -> None:
     from service.classifier import SelfTestError
     from service.cli.shared import read_settings
     from service.http.behind import start_workers
+    from service.http.listening import CannotListen
+    from service.http.open_files import TooFewFiles, allow_open_files
     from service.http.server import run
     from service.logs import configure_logs
     from service.workers import NotStarted
@@ -63,13 +65,16 @@ def serve(**flags: Any) -> None:
     configure_logs(settings.log_format)
     signal.signal(signal.SIGTERM, _stop)  # until the server takes over
     try:
+        allow_open_files(settings)
         pool = start_workers(settings)
-    except (ModelFileError, SelfTestError) as error:
+    except (TooFewFiles, ModelFileError, SelfTestError) as error:
         raise click.UsageError(str(error)) from None
     except NotStarted as error:
         raise click.ClickException(str(error)) from None
     try:
         run(settings, pool)
+    except CannotListen as error:
+        raise click.UsageError(str(error)) from None
     finally:
         pool.stop()
 

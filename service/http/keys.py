@@ -15,15 +15,16 @@ from service.http.problems import problem
 
 # What asks there has no key: the platform that runs the service.
 OPEN_PATHS = frozenset({"/livez", "/readyz", "/v2/health/live", "/v2/health/ready"})
-# Nor has a browser that opens the page, which then asks for one.
-PAGE, ASSETS = "/", "/assets/"
+# Nor has a browser that opens the page, which then asks for one, or follows its link to the
+# description: that is the same wherever the service runs.
+PAGE, ASSETS, DESCRIPTION = "/", "/assets/", "/openapi.json"
 
 _CHALLENGE = 'Bearer realm="meshconv3d"'
 
 
 class Keyed:
     """ASGI middleware: let through who shows one of the keys, and everyone to the probes and to
-    the files of the page."""
+    the files of the page and the API's description."""
 
     def __init__(self, app: ASGIApp, keys: Sequence[SecretStr]) -> None:
         self.app = app
@@ -53,7 +54,7 @@ class Keyed:
 
 
 def _is_open(path: str) -> bool:
-    return path in OPEN_PATHS or path == PAGE or path.startswith(ASSETS)
+    return path in OPEN_PATHS or path in (PAGE, DESCRIPTION) or path.startswith(ASSETS)
 
 
 def describe_keys(description: dict[str, Any]) -> None:

@@ -34,6 +34,7 @@ class Observed:
             await self.app(scope, receive, send)
             return
         started = time.perf_counter()
+        came = dict(scope)  # on its way, the routes write into it what they made of it
         notes = Notes.begin(Headers(scope=scope))
         scope.setdefault("state", {})["notes"] = notes
         headers = [
@@ -57,18 +58,18 @@ class Observed:
             # It was answered: all that the client learns is the id.
             log.exception("request %s failed", notes.request_id, extra=_ids(notes))
         finally:
-            self._close(scope, notes, status, time.perf_counter() - started)
+            route = scope["route"].path if "route" in scope else self._route(came)
+            self._close(scope["method"], route, notes, status, time.perf_counter() - started)
 
-    def _close(self, scope: Scope, notes: Notes, status: int, seconds: float) -> None:
-        route = self._route(scope)
+    def _close(self, method: str, route: str, notes: Notes, status: int, seconds: float) -> None:
         self.metrics.observe(route, status, seconds, notes)
         outcome = f"{status} {notes.fault}" if notes.fault else status
         log.info(
             "%s %s %s in %.1f ms",
-            *(scope["method"], route, outcome, seconds * 1000),
+            *(method, route, outcome, seconds * 1000),
             extra=_ids(notes)
             | {
-                "method": scope["method"],
+                "method": method,
                 "route": route,
                 "status": status,
                 "fault": notes.fault,
@@ -79,9 +80,7 @@ class Observed:
         )
 
     def _route(self, scope: Scope) -> str:
-        """The route that answered, or that would have, had the request come so far."""
-        if "route" in scope:
-            return scope["route"].path
+        """The route of a request as it came: a mount, or one that it did not come as far as."""
         for route in self.routes:
             match, found = route.matches(scope)
             if match is not Match.NONE:

@@ -3,6 +3,7 @@
 import gc
 import logging
 import math
+import socket
 import time
 from types import FrameType
 
@@ -13,6 +14,7 @@ from service.http.app import create_app
 from service.http.behind import open_admission
 from service.http.connections import bounded_connection
 from service.http.headers import SECURITY_HEADERS
+from service.http.listening import address, listen
 from service.settings import Settings
 from service.workers import WorkerPool
 
@@ -25,12 +27,14 @@ KEEP_ALIVE_SECONDS = 75
 
 
 def run(settings: Settings, pool: WorkerPool) -> None:
-    """Serve until a signal says to stop, and all that was accepted is answered."""
+    """Serve until a signal says to stop, and all that was accepted is answered.
+
+    Raises CannotListen.
+    """
+    sockets = listen(settings.host, settings.port)
     admission = open_admission(settings)
     config = uvicorn.Config(
         create_app(pool, admission, settings),
-        host=settings.host,
-        port=settings.port,
         http=bounded_connection(
             settings.deadline_seconds + CONNECTION_MARGIN, settings.max_connections
         ),
@@ -48,7 +52,7 @@ def run(settings: Settings, pool: WorkerPool) -> None:
         extra={"models": {name: card["sha256"] for name, card in pool.models.items()}},
     )
     gc.freeze()  # what is there by now stays: it need not be gone through again and again
-    _Server(config, admission, settings.grace_seconds).run()
+    _Server(config, admission, settings.grace_seconds).run(sockets)
     log.info("stopped")
 
 
@@ -61,6 +65,10 @@ class _Server(uvicorn.Server):
         self._admission = admission
         self._grace = grace
         self._ends = math.inf
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        await super().startup(sockets)
+        log.info("running on %s", ", ".join(address(each) for each in sockets or ()))
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
         if self._admission.open:

@@ -1,5 +1,6 @@
 """What all routes share: the models, and the way of mesh files to their records."""
 
+import traceback
 from collections.abc import AsyncIterator, Awaitable, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass
@@ -94,4 +95,6 @@ async def _outcome(record: Awaitable[Record]) -> Outcome:
     except ClientDisconnect:
         raise
     except Exception as error:
+        # What waited has the error, and the error, by its traceback, what waited and the request.
+        traceback.clear_frames(error.__traceback__)
         return error

@@ -30,7 +30,11 @@ COLOURED = [FORMS[name].media_type for name in ("glb", "ply")]
 def v1_routes(serving: Serving) -> APIRouter:
     """Classify one mesh or several; what models there are."""
     router = APIRouter(prefix="/v1")
-    model_name = Query(serving.default_model, description="name of the model")
+    # What the default is called stands behind a key: not in the description, then.
+    model_name = Query(
+        default_factory=lambda: serving.default_model,
+        description="name of the model; by default the first of /v1/models",
+    )
     top_classes = Query(None, ge=1, description="only the N likeliest")
 
     @router.post(

@@ -33,16 +33,22 @@ class Jobs:
         # One for each job: whoever has it may take one.
         self._permits: queue.SimpleQueue[None] = queue.SimpleQueue()
         self._idle: set[int] = set()
+        self._closed = False
 
     def put(self, job: Job) -> None:
         """Queue it behind all others."""
         self._jobs.append(job)
-        self._permits.put(None)
+        self._permit()
 
     def put_back(self, job: Job) -> None:
         """Queue it before all others."""
         self._jobs.appendleft(job)
+        self._permit()
+
+    def _permit(self) -> None:
         self._permits.put(None)
+        if self._closed:
+            self._cancel_all()
 
     @property
     def idle(self) -> bool:
@@ -70,13 +76,17 @@ class Jobs:
         except queue.Empty:
             return None
         job = self._jobs.popleft()
-        if job.work is not None and len(job.work.content) > most_bytes:
+        if job.work is not None and job.work.size > most_bytes:
             self.put_back(job)
             return None
         return job
 
-    def cancel(self) -> None:
-        """Cancel all."""
+    def close(self) -> None:
+        """Cancel all that is here, and all that still comes or comes back."""
+        self._closed = True
+        self._cancel_all()
+
+    def _cancel_all(self) -> None:
         with suppress(queue.Empty):
             while True:
                 self._permits.get_nowait()

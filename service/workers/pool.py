@@ -20,7 +20,6 @@ class WorkerPool:
     def __init__(self, setup: Setup, workers: int) -> None:
         self._jobs = Jobs()
         self._seats = [Seat(setup, self._jobs) for _ in range(workers)]
-        self._stopped = False
         self.models: dict[str, dict[str, Any]] = {}
 
     def start(self) -> None:
@@ -48,8 +47,6 @@ class WorkerPool:
         """
         job = Job(work, expires)
         self._jobs.put(job)
-        if self._stopped:
-            self._jobs.cancel()
         return job.future
 
     @property
@@ -64,8 +61,7 @@ class WorkerPool:
 
     def stop(self) -> None:
         """End all workers at once, whatever they run; work that waits is cancelled."""
-        self._stopped = True
-        self._jobs.cancel()
+        self._jobs.close()
         for seat in self._seats:
             seat.close()
 

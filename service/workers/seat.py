@@ -5,6 +5,7 @@ import logging
 import threading
 import time
 from concurrent.futures import Future
+from contextlib import suppress
 from typing import Any
 
 from service.workers.jobs import Job, Jobs
@@ -75,22 +76,34 @@ class Seat(threading.Thread):
         self._ahead = None
         if job is None:
             return
-        if not job.future.set_running_or_notify_cancel():
-            if number is not None:
-                worker.take_back(number)
-            return
-        work, expires = job.work, job.expires
-        assert work is not None
+        expires = job.expires
         if expires is None:
             expires = time.monotonic() + self._setup.seconds
+        if not job.future.set_running_or_notify_cancel():
+            if number is not None:
+                self._drop(worker, number, expires)
+            return
+        work = job.work
+        assert work is not None
         waited = round((time.perf_counter() - job.queued) * 1000, 3)
         try:
             record = self._classify(work, expires, worker, number)
         except Exception as error:
-            job.future.set_exception(error)
+            # Its traceback would keep this frame, with all the bytes, and the frame the error.
+            job.future.set_exception(error.with_traceback(None))
         else:
             timings = {"queue": waited, **record.timings_ms}
             job.future.set_result(dataclasses.replace(record, timings_ms=timings))
+
+    def _drop(self, worker: Worker, number: int, expires: float) -> None:
+        """See that the worker is free of work for which nobody waits any more.
+
+        What it has begun, it goes on with: that is waited for, for it would take its time from
+        what comes next.
+        """
+        if not worker.take_back(number):
+            with suppress(Exception):
+                self._answer(worker, number, expires)
 
     def _classify(self, work: Work, expires: float, worker: Worker, number: int | None) -> Record:
         """The record of work that the worker has under a number, or with None, is yet to be given.
@@ -99,7 +112,7 @@ class Seat(threading.Thread):
         one; DeadlineExceeded; TaskFailed.
         """
         for _ in range(ATTEMPTS):
-            if time.monotonic() >= expires:
+            if time.monotonic() >= expires and (number is None or worker.take_back(number)):
                 raise DeadlineExceeded
             if number is None:
                 number = worker.hand_over(work, expires)
@@ -126,9 +139,11 @@ class Seat(threading.Thread):
             worker.end()
             raise DeadlineExceeded from None
 
-    def _take_back_ahead(self, worker: Worker) -> None:
+    def _take_back_ahead(self, worker: Worker) -> bool:
+        """Whether the worker has nothing to do next, or nothing any more."""
         if self._ahead is not None and worker.take_back(self._ahead[1]):
             self._put_back_ahead()
+        return self._ahead is None
 
     def _put_back_ahead(self) -> None:
         if self._ahead is not None:
@@ -137,10 +152,13 @@ class Seat(threading.Thread):
             self._jobs.put_back(job)
 
     def _living(self, worker: Worker) -> Worker:
-        """The worker itself, or if it died, a new one."""
-        while not worker.alive and not self.closing.is_set():
+        """The worker itself, or if it died, a new one.
+
+        One that had begun with what was to be next is asked for that first: it may have answered,
+        or died of it.
+        """
+        while not worker.alive and not self.closing.is_set() and self._take_back_ahead(worker):
             worker.end()
-            self._put_back_ahead()
             try:
                 worker = Worker(self._setup)
                 self.restarts += 1

@@ -22,6 +22,9 @@ from service.models import ModelFile
 from service.records import answer
 from service.workers.limits import limit_cpu, limit_memory
 
+# Of text that goes from process to process.
+MOST_BYTES_PER_CHARACTER = 4
+
 
 @dataclass(frozen=True)
 class Setup:
@@ -47,6 +50,12 @@ class Work:
     declared: str | None
     top: int | None = None
     wanted: "Wanted | None" = None
+
+    @property
+    def size(self) -> int:
+        """Bytes that it takes to hand it over, at most, but for a frame of always the same."""
+        names = sum(len(name) for name in (self.file, self.declared) if name is not None)
+        return len(self.content) + MOST_BYTES_PER_CHARACTER * names
 
 
 @dataclass(frozen=True)

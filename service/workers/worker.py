@@ -15,8 +15,8 @@ from service.workers.tasks import Record, Setup, Work
 
 # Compiling the kernels, where no compiled ones are at hand, takes ten seconds.
 WARM_UP_SECONDS = 300.0
-# A pipe takes this much at once, and as much again; to hand over more can take as long as the
-# worker likes.
+# A pipe takes three times this much: what was taken back and is still in it, what is to be done,
+# and what is to be done next. To hand over more can take as long as the worker likes.
 HANDED_AT_ONCE = 64 * 1024
 # How long the system may take to tell how a process ended.
 EXIT_SECONDS = 1.0
@@ -55,13 +55,16 @@ class Worker:
         self._taken_back = context.RawValue(ctypes.c_uint64)
         arguments = (theirs, self._begun, self._taken_back, setup)
         self._process = context.Process(target=run, args=arguments, daemon=True)
-        self._process.start()
+        try:
+            self._process.start()
+        except OSError as error:  # it was gone before it had read what it is to do
+            raise _not_started(error) from None
         theirs.close()
         try:
             self.models: list[dict[str, Any]] = self._answer(WARM_UP, WARM_UP_SECONDS)
         except (EOFError, OSError) as error:  # of which TimeoutError is one
             self.end()
-            raise NotStarted(f"a worker process does not start: {error}") from None
+            raise _not_started(error) from None
         except BaseException:
             self.end()
             raise
@@ -78,7 +81,7 @@ class Worker:
         """
         self._sent += 1
         with suppress(OSError):
-            if len(work.content) <= HANDED_AT_ONCE:
+            if work.size <= HANDED_AT_ONCE:
                 self._pipe.send(work)
             else:
                 self._hand_over_in_time(work, expires)
@@ -162,6 +165,11 @@ def _context() -> ForkServerContext:
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(["service.workers.origin"])
     return context
+
+
+def _not_started(error: Exception) -> NotStarted:
+    reason = str(error) or type(error).__name__
+    return NotStarted(f"a worker process does not start: {reason}")
 
 
 def crashed(how: str) -> UnusableMesh:

@@ -3,6 +3,7 @@
 import asyncio
 import json
 import time
+import traceback
 from collections.abc import Callable, MutableMapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
@@ -12,7 +13,9 @@ import anyio
 import httpx
 import numpy as np
 import pytest
+from starlette.requests import Request
 
+from model.errors import UnusableMesh
 from model.loading import Limits
 from model.samples import sample_paths
 from service.http.admission import Admission
@@ -176,6 +179,26 @@ def test_lines_leave_as_soon_as_they_and_those_before_are_done() -> None:
                 assert b"".join(played.sent) == expected
 
     anyio.run(play)
+
+
+def test_errors_of_a_batch_keep_nothing_of_it() -> None:
+    """What waits for them has the request, and many large files may be damaged."""
+    errors = [UnusableMesh("no-faces", "it has no faces") for _ in range(3)]
+
+    async def play() -> None:
+        played = Played()
+        async with anyio.create_task_group() as group:
+            group.start_soon(played.run)
+            await played.begun()
+            for future, error in zip(played.pool.futures, errors, strict=True):
+                future.set_exception(error)
+        assert b"".join(played.sent).count(b"no-faces") == 3
+
+    anyio.run(play)
+    for error in errors:
+        passed = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
+        held_by_it = [value for frame in passed for value in frame.f_locals.values()]
+        assert not any(isinstance(value, Request | Future) for value in held_by_it)
 
 
 @pytest.mark.parametrize("running", [False, True])

@@ -49,7 +49,7 @@ def test_each_key_opens_in_either_header(guarded: Service, key: str) -> None:
 )
 def test_nothing_else_opens(guarded: Service, headers: dict[str, str], fault: str) -> None:
     encoded = [(name.encode(), value.encode()) for name, value in headers.items()]
-    for path in ("/v1/models", "/metrics", "/openapi.json", "/v1/nothing"):
+    for path in ("/v1/models", "/metrics", "/openapi.json/", "/v1/nothing"):
         response = httpx.get(f"{guarded.url}{path}", headers=encoded)
         assert problem_of(response, 401)["fault"] == fault
         assert response.headers["www-authenticate"].startswith('Bearer realm="meshconv3d"')
@@ -82,9 +82,15 @@ def test_the_page_opens_without_a_key(guarded: Service) -> None:
         assert httpx.get(f"{guarded.url}{path}").status_code == 401
 
 
+def test_the_description_needs_no_key_and_gives_nothing_away(guarded: Service) -> None:
+    """The page has a link to it, and browsers follow links without a key."""
+    answer = httpx.get(f"{guarded.url}/openapi.json")
+    assert answer.status_code == 200
+    assert "tiny" not in answer.text  # what the models are called
+
+
 def test_the_description_says_where_keys_are_needed(guarded: Service, service: Service) -> None:
-    headers = {"x-api-key": FILED}
-    description = httpx.get(f"{guarded.url}/openapi.json", headers=headers).json()
+    description = httpx.get(f"{guarded.url}/openapi.json").json()
     schemes = description["components"]["securitySchemes"]
     assert description["security"] == [{name: []} for name in schemes]
     opened = {

@@ -1,6 +1,7 @@
 """GET /metrics on a running service: what was done is counted, in few series."""
 
 import os
+import re
 import signal
 from collections.abc import Callable
 
@@ -82,13 +83,31 @@ def test_each_mesh_of_a_batch_is_counted(counted: Service) -> None:
 
 
 def test_paths_that_callers_invent_make_no_series(counted: Service) -> None:
-    for path in ("/a", "/b/c", "/v1/models/x", "/v1/models/y", "/v2/models/z"):
+    for path in (
+        "/a",
+        "/b/c",
+        "/assets/a",
+        "/assets/b",
+        "/v1/models/x",
+        "/v1/models/y",
+        "/v2/models/z",
+    ):
         httpx.get(f"{counted.url}{path}")
         httpx.post(f"{counted.url}{path}")
     routes = {dict(labels).get("route") for _, labels in metrics(counted)} - {None}
     known = set(httpx.get(f"{counted.url}/openapi.json").json()["paths"])
-    assert routes <= known | {"none", "/openapi.json"}
+    assert routes <= known | {"none", "/", "/assets", "/openapi.json"}
     assert {"none", "/v1/models/{name}", "/v2/models/{name}"} <= routes
+
+
+def test_files_of_the_page_are_counted_as_such(counted: Service) -> None:
+    (script,) = re.findall(r'src="\./(assets/[^"]+\.js)"', httpx.get(counted.url).text)
+    for path, status in ((script, "200"), ("assets/nothing", "404")):
+        fault = "" if status == "200" else "not-found"
+        labels = {"route": "/assets", "status": status, "fault": fault}
+        before = value(counted, "requests_total", **labels)
+        httpx.get(f"{counted.url}/{path}")
+        assert value(counted, "requests_total", **labels) == before + 1
 
 
 def test_a_worker_that_is_replaced_is_counted(counted: Service) -> None:

@@ -44,10 +44,13 @@ def test_nothing_is_taken_ahead_of_one_who_would_begin_it() -> None:
     assert (ahead, taken) == (None, [only])
 
 
-def test_cancelling_all_leaves_nothing_and_forgets_their_bytes() -> None:
-    jobs, both = Jobs(), (job(), job())
-    for each in both:
-        jobs.put(each)
-    jobs.cancel()
-    assert all(each.future.cancelled() and each.work is None for each in both)
+def test_a_closed_queue_cancels_what_is_there_and_what_comes() -> None:
+    jobs, (there, comes, comes_back) = Jobs(), (job(), job(), job())
+    jobs.put(there)
+    jobs.close()
+    jobs.put(comes)
+    jobs.put_back(comes_back)
+    for each in (there, comes, comes_back):
+        assert each.future.cancelled()
+        assert each.work is None  # nor are its bytes kept
     assert jobs.take(0.0) is None

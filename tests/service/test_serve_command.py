@@ -1,10 +1,14 @@
 """`meshconv3d serve` from start to stop."""
 
+import errno
 import json
 import os
 import re
+import resource
+import shlex
 import signal
 import socket
+import subprocess
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor, wait
 from pathlib import Path
@@ -14,8 +18,9 @@ import onnx
 import pytest
 
 from export.metadata import PREFIX
+from service.http.listening import CannotListen, listen
 from service.settings import Settings
-from tests.commands import meshconv3d
+from tests.commands import PROGRAM, meshconv3d
 from tests.processes import family, held, until, workers
 from tests.service.conftest import Service
 
@@ -57,6 +62,25 @@ def test_a_stop_is_told_and_loses_nothing(start: Callable[..., Service], meshes:
         assert "stopping" in refused.json()["detail"]
         assert httpx.get(f"{service.url}/livez").status_code == 200
     assert accepted.result().status_code == 200
+    assert service.process.wait(30) == 0
+    assert "Traceback" not in service.log.read_text()
+
+
+def test_a_stop_in_the_middle_of_a_batch_answers_all_of_it(
+    start: Callable[..., Service], meshes: Path
+) -> None:
+    service = start("--workers", "1")
+    files = [("file", ("ring.obj", (meshes / "ring.obj").read_bytes()))] * 20
+    with httpx.stream("POST", f"{service.url}/v1/classify/batch", files=files) as answer:
+        lines = answer.iter_lines()
+        received = [next(lines)]
+        with held(workers(service.process.pid)):
+            service.process.send_signal(signal.SIGTERM)
+            until(lambda: httpx.get(f"{service.url}/readyz").status_code == 503)
+        received += lines
+    assert [json.loads(line)["class"] for line in received] == [
+        json.loads(received[0])["class"]
+    ] * 20
     assert service.process.wait(30) == 0
     assert "Traceback" not in service.log.read_text()
 
@@ -179,8 +203,55 @@ def test_bad_settings_are_refused_at_the_start(
     assert "Traceback" not in done.stderr
 
 
-def test_an_occupied_port_is_told(service: Service, model_file: Path) -> None:
+@pytest.mark.parametrize(
+    ("host", "words"),
+    [
+        ("127.0.0.1", "the port is taken; choose another with --port"),
+        ("192.0.2.1", "no address of this machine; --host takes"),
+        ("no-such-host.invalid", "no host; --host takes"),
+    ],
+)
+def test_an_address_that_cannot_be_had_is_told(
+    service: Service, model_file: Path, host: str, words: str
+) -> None:
     port = service.url.rpartition(":")[2]
-    done = meshconv3d("serve", "--model", model_file, "--port", port)
-    assert done.returncode not in (0, 2)
-    assert "address already in use" in done.stderr
+    done = meshconv3d("serve", "--model", model_file, "--host", host, "--port", port)
+    assert done.returncode == 2
+    assert f"cannot listen at {host}, port {port}: " in done.stderr
+    assert words in " ".join(done.stderr.split())
+    assert "Traceback" not in done.stderr
+
+
+def test_a_port_that_needs_rights_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        raise PermissionError(errno.EACCES, "Permission denied")  # who runs tests may have them
+
+    monkeypatch.setattr(socket.socket, "bind", refuse)
+    with pytest.raises(CannotListen, match=r"below 1024.*choose another with --port"):
+        listen("127.0.0.1", 80)
+
+
+def test_open_files_are_raised_to_what_the_connections_need(
+    start: Callable[..., Service], model_file: Path
+) -> None:
+    before = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (256, before[1]))
+    try:
+        service = start("--workers", "1", "--max-connections", "300")
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, before)
+    soft, hard = resource.prlimit(service.process.pid, resource.RLIMIT_NOFILE)
+    assert soft > 600
+    assert hard == before[1]
+
+
+def test_more_connections_than_open_files_are_refused_at_the_start() -> None:
+    with_few = f"ulimit -n 1000; exec {shlex.quote(PROGRAM)} serve --workers 1 --port 0"
+    done = subprocess.run(["sh", "-c", with_few], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 2
+    words = " ".join(done.stderr.split())
+    assert (
+        "the system allows 1000; raise its limit (ulimit -Hn), or lower --max-connections" in words
+    )
+    possible = int(words.rpartition(" to ")[2])
+    assert 300 < possible < 500

@@ -1,26 +1,46 @@
 """The pool of workers by itself, as any program may use it."""
 
+import dataclasses
+import errno
+import gc
 import json
 import os
 import signal
 import time
+import weakref
 from collections.abc import Iterator
-from concurrent.futures import wait
+from concurrent.futures import Future, wait
 from contextlib import contextmanager
+from multiprocessing.context import ForkServerProcess
 from pathlib import Path
 
 import pytest
 
 from export.metadata import ModelFileError
-from model.errors import LimitExceeded, MalformedFile
+from model.errors import LimitExceeded, MalformedFile, UnusableMesh
 from model.loading import Limits
 from service.classifier import Classifier
 from service.models import ModelFile
 from service.records import answer
-from service.workers import DeadlineExceeded, Setup, Work, WorkerPool
+from service.workers import DeadlineExceeded, NotStarted, Record, Setup, Work, WorkerPool
 from tests.processes import held, until, workers
 
 MEMORY = 2**30
+
+
+class Deadly(str):
+    """A model's name that ends the worker that looks for it."""
+
+    def __hash__(self) -> int:
+        os._exit(3)
+
+
+class Hanging(str):
+    """A model's name that is looked for without end."""
+
+    def __hash__(self) -> int:
+        time.sleep(3600)
+        return 0
 
 
 def setup(*models: ModelFile) -> Setup:
@@ -76,6 +96,20 @@ def test_errors_cross_the_border_as_they_are(pool: WorkerPool) -> None:
     assert (error.limit, error.value) == ("faces", 600)
 
 
+def test_an_error_keeps_nothing_of_the_file_that_it_is_of(pool: WorkerPool) -> None:
+    """Not even until garbage is collected: many large files may be damaged."""
+    damaged = Work("tiny", b"OFF\n1", None, "off")
+    left = weakref.ref(damaged)
+    gc.disable()
+    try:
+        error = pool.submit(damaged, soon()).exception()
+        del damaged
+        until(lambda: left() is None)
+    finally:
+        gc.enable()
+    assert isinstance(error, MalformedFile)
+
+
 def test_work_whose_time_is_over_is_not_begun(pool: WorkerPool) -> None:
     with pytest.raises(DeadlineExceeded):
         pool.submit(Work("tiny", b"", None, None), time.monotonic() - 1).result()
@@ -124,7 +158,88 @@ def test_a_worker_that_dies_loses_nothing_that_it_had_not_begun(
         assert pool.restarts == 1
 
 
+def in_a_row(
+    pool: WorkerPool, processes: list[int], works: list[Work], seconds: float = 30.0
+) -> list[Future[Record]]:
+    """Work for one worker, which has each as its next while it does the one before.
+
+    The front has other things to do for a while, once it has an answer. seconds: until it expires.
+    """
+    futures = list[Future[Record]]()
+
+    def submit_all(_: Future[Record]) -> None:
+        for work in works:
+            futures.append(pool.submit(work, time.monotonic() + seconds))
+            futures[-1].add_done_callback(lambda _: time.sleep(0.5))
+
+    with held(processes):
+        pool.submit(works[0], soon()).add_done_callback(submit_all)
+    until(lambda: len(futures) == len(works))
+    return futures
+
+
+def test_work_that_ends_its_worker_as_its_next_does_so_once(model_file: Path, ring: Work) -> None:
+    deadly = dataclasses.replace(ring, model=Deadly("tiny"))
+    with opened(model_file, 1) as (pool, processes):
+        first, second, third = in_a_row(pool, processes, [ring, deadly, ring])
+        with pytest.raises(UnusableMesh, match="exit code 3"):
+            second.result()
+        assert first.result().label == third.result().label
+        assert pool.restarts == 1
+
+
+def test_work_that_was_answered_as_its_worker_died_is_answered(
+    model_file: Path, ring: Work
+) -> None:
+    with opened(model_file, 1) as (pool, processes):
+        first, second = in_a_row(pool, processes, [ring, ring])
+        first.result()
+        time.sleep(0.2)  # it has the second by then, and has done it
+        os.kill(processes[0], signal.SIGKILL)
+        assert second.result().timings_ms["queue"] > 0
+        until(lambda: pool.restarts == 1)
+
+
+def test_work_that_hangs_and_is_cancelled_costs_nothing_else(model_file: Path, ring: Work) -> None:
+    hanging = dataclasses.replace(ring, model=Hanging("tiny"))
+    with opened(model_file, 1) as (pool, processes):
+        first, second = in_a_row(pool, processes, [ring, hanging], seconds=2.0)
+        first.result()
+        time.sleep(0.2)  # it has begun with the second by then
+        assert second.cancel()
+        assert pool.submit(ring, soon()).result(timeout=20).label == first.result().label
+
+
+def test_long_names_do_not_keep_who_hands_work_over(model_file: Path, ring: Work) -> None:
+    with opened(model_file, 1) as (pool, processes), held(processes):
+        hanging = pool.submit(ring, time.monotonic() + 1)
+        pool.submit(dataclasses.replace(ring, file="a" * 1_000_000), soon())
+        with pytest.raises(DeadlineExceeded):
+            hanging.result(timeout=10)
+
+
+def test_a_stop_leaves_nobody_waiting(model_file: Path, ring: Work) -> None:
+    with opened(model_file, 1) as (pool, processes), held(processes):
+        futures = [pool.submit(ring, soon()) for _ in range(3)]
+        pool.stop()
+        until(lambda: all(future.done() for future in futures))
+        assert pool.submit(ring, soon()).cancelled()
+
+
 def test_a_model_that_cannot_be_opened_is_told_by_its_path(tmp_path: Path) -> None:
     refused = WorkerPool(setup(ModelFile(tmp_path / "my.onnx", b"nothing")), workers=1)
     with pytest.raises(ModelFileError, match=r"my\.onnx"):
         refused.start()
+
+
+def test_a_worker_that_is_gone_as_it_starts_is_told(
+    model_file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As where the system ends it for want of memory: no broken pipe of the command's own."""
+
+    def start(_: object) -> None:
+        raise BrokenPipeError(errno.EPIPE, "Broken pipe")
+
+    monkeypatch.setattr(ForkServerProcess, "start", start)
+    with pytest.raises(NotStarted, match="a worker process does not start"):
+        WorkerPool(setup(ModelFile.read(str(model_file))), workers=1).start()
