@@ -23,6 +23,7 @@ def write_page(report: Report, path: Path, seconds: float) -> None:
     Raises OSError where it cannot be written.
     """
     style, script = _source("style.css"), _source("script.js")
+    files = report.gallery.least_certain_first()
     stream = (
         _environment()
         .get_template("page.html")
@@ -31,7 +32,8 @@ def write_page(report: Report, path: Path, seconds: float) -> None:
             seconds=seconds,
             written=datetime.now().astimezone(),
             bins=BINS,
-            files=map(_entry, report.gallery.least_certain_first()),
+            files=map(_entry, files),
+            without_picture=sum(file.picture is None for file in files),
             style=Markup(style),
             script=Markup(script),
             policy=_policy(style, script),

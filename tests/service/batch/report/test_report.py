@@ -85,12 +85,14 @@ def test_the_page_is_one_file_that_says_all(tmp_path: Path) -> None:
     assert doubtful["picture"] is None
     assert certain["file"] == "here/ring.obj"
     assert certain["likeliest"] == [["ring", 0.75], ["something else", 0.25]]
+    assert "No picture of 1: an earlier run classified them" in text
 
 
 def test_the_page_names_no_other_address(tmp_path: Path) -> None:
     toys = report()
     toys.add(answer("ring.obj"), picture(torus()))
     text = re.sub(r'"picture": "[^"]*"', "", page(toys, tmp_path))
+    assert "No picture" not in text
     assert not re.search(r"https?:|//\w|@import|url\(|<link|<iframe|<base", text)
     assert "default-src 'none'" in html.unescape(text)
     assert "unsafe" not in text
