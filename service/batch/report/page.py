@@ -8,6 +8,7 @@ from pathlib import Path
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
+from service.batch.journals import errors_naming
 from service.batch.report.collecting import BINS, Report
 from service.batch.report.gallery import Shown
 
@@ -41,9 +42,13 @@ def write_page(report: Report, path: Path, seconds: float) -> None:
     )
     stream.enable_buffering(BUFFERED)
     new = path.with_name(f".{path.name}.part")
-    with new.open("wb") as file:
-        stream.dump(file, "utf-8")
-    new.replace(path)
+    try:
+        with errors_naming(path), new.open("wb") as file:
+            stream.dump(file, "utf-8")
+        new.replace(path)
+    except BaseException:
+        new.unlink(missing_ok=True)
+        raise
 
 
 def _environment() -> Environment:
