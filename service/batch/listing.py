@@ -3,11 +3,12 @@
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
+from pathlib import Path
 
 from model.loading import FORMATS
 from service.batch.entries import Entry, Source, StandardInput
 from service.batch.local import LOCAL
-from service.batch.patterns import MAGIC, matches
+from service.batch.patterns import MAGIC, matches, may_match
 from service.batch.remote import REMOTE, is_url
 from service.batch.sharding import Shard
 
@@ -43,11 +44,23 @@ class Choice:
 
 @dataclass(frozen=True)
 class Place:
-    """What one PATH names. find: walks it anew. searched: a folder or a glob, not one file."""
+    """What one PATH names. find: walks it anew. root: the folder that is searched; None for one
+    file. pattern: what paths below it fit."""
 
     path: str
     find: Callable[[], Iterable[Entry]]
-    searched: bool
+    root: str | None = None
+    pattern: str = "**"
+
+    def may_find(self, folder: Path, depth: int) -> bool:
+        """Whether a file of some name is found if it comes to lie in a folder of this machine, or
+        as many folders below it as make `depth` names with its own."""
+        if self.root is None or is_url(self.root):
+            return False
+        folder, root = folder.resolve(), Path(self.root).resolve()
+        if not folder.is_relative_to(root):
+            return False
+        return may_match([*folder.relative_to(root).parts, *[None] * depth], self.pattern)
 
 
 class Listing:
@@ -76,24 +89,24 @@ class Listing:
 
     def _chosen(self, place: Place) -> Iterable[Entry]:
         found = place.find()
-        return filter(self._choice.fits, found) if place.searched else found
+        return found if place.root is None else filter(self._choice.fits, found)
 
 
 def _place(path: str, declared: str | None) -> Place:
     if path == STDIN:
-        return Place(path, lambda: [StandardInput(declared)], searched=False)
+        return Place(path, lambda: [StandardInput(declared)])
     source: Source = REMOTE if is_url(path) else LOCAL
     try:
         kind = source.kind(path)
     except OSError as error:
         raise NotListed(f"{path} cannot be opened: {error.strerror}") from None
     if kind == "file":
-        return Place(path, lambda: [source.file(path)], searched=False)
+        return Place(path, lambda: [source.file(path)])
     if kind == "folder":
-        return Place(path, lambda: source.walk(path), searched=True)
+        return Place(path, lambda: source.walk(path), path)
     if MAGIC.intersection(path):
         folder, pattern = source.split_glob(path)
-        return Place(path, lambda: _fitting(source.walk(folder), pattern), searched=True)
+        return Place(path, lambda: _fitting(source.walk(folder), pattern), folder, pattern)
     raise NotListed(f"no such file or folder: {path}")
 
 

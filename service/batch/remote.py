@@ -8,7 +8,7 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from typing import Any, Literal
 
 from model.loading import has_mesh_name
@@ -45,8 +45,8 @@ def remote_errors() -> Iterator[None]:
 
 @dataclass(frozen=True)
 class RemoteFile:
-    """A file behind a URL. url: that by which it was found. length: in bytes; None where nobody
-    tells."""
+    """A file behind a URL. url: that by which it was found. length: in bytes; None where the
+    listing does not tell, as over HTTP."""
 
     url: str
     path: str
@@ -59,12 +59,23 @@ class RemoteFile:
     def declared(self) -> str | None:
         return os.path.splitext(self.path)[1]
 
+    @cached_property
+    def _size(self) -> int | None:
+        if self.length is not None:
+            return self.length
+        fs, _ = filesystem(self.url)
+        with remote_errors():
+            return fs.size(self.path)
+
     def size(self) -> int:
-        return self.length or 0
+        try:
+            return self._size or 0
+        except OSError:
+            return 0  # reading it says why
 
     def read(self) -> bytes:
         fs, _ = filesystem(self.url)
-        if self.length is None:
+        if self._size is None:
             raise OSError(errno.EIO, "nobody tells how large the file is")
         with remote_errors():
             return fs.cat_file(self.path)

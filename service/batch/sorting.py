@@ -13,6 +13,9 @@ from pathlib import Path
 
 from service.records import Answer, Refusal
 
+# How many names below DIR a file lies: CLASS/FILE, refused/FAULT/FILE.
+DEPTHS = (2, 3)
+
 # Folders that are no classes. A class of this name gets another.
 UNKNOWN, REFUSED = "unknown", "refused"
 

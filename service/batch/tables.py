@@ -51,9 +51,7 @@ class Csv:
 
     def __init__(self, file: BinaryIO) -> None:
         self._file = io.TextIOWrapper(file, encoding="utf-8", newline="", write_through=True)
-        self._rows = csv.DictWriter(
-            self._file, self.COLUMNS, extrasaction="ignore", lineterminator="\n"
-        )
+        self._rows = csv.DictWriter(_Rows(self._file), self.COLUMNS, extrasaction="ignore")
         self._rows.writeheader()
 
     def add(self, line: bytes) -> None:
@@ -63,6 +61,18 @@ class Csv:
     def close(self) -> None:
         """See `Table`."""
         self._file.close()
+
+
+class _Rows:
+    """Ends rows with a line feed alone. The writer has to think otherwise: before Python 3.13 it
+    quotes a carriage return only where it ends rows, and one in a name would make two of a row."""
+
+    def __init__(self, file: io.TextIOWrapper) -> None:
+        self._file = file
+
+    def write(self, row: str) -> None:
+        """Write one whole row."""
+        self._file.write(row.removesuffix("\r\n") + "\n")
 
 
 def _flat(record: dict[str, Any]) -> dict[str, Any]:

@@ -9,6 +9,7 @@ import click
 from model.loading import FORMATS
 from service.batch.listing import STDIN, Choice, Listing, NotListed
 from service.batch.sharding import Shard
+from service.batch.sorting import DEPTHS
 from service.batch.targets import NotWritten, Target
 
 
@@ -62,7 +63,7 @@ def check_folder(folder: Path, listing: Listing) -> None:
     if any(place.path == STDIN for place in listing.places):
         raise click.UsageError("--sort-into is for files: leave out -")
     for place in listing.places:
-        if place.searched and folder.resolve().is_relative_to(Path(place.path).resolve()):
+        if any(place.may_find(folder, depth) for depth in DEPTHS):
             raise click.UsageError(
                 f"--sort-into {folder} lies in {place.path}, and would be classified the next "
                 "time: name a folder beside it"

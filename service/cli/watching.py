@@ -81,7 +81,7 @@ class Watch:
             text += f", {tally.refused.total()} refused ({tally.reasons()})"
         if tally.earlier:
             text += f", {tally.earlier} of them earlier"
-        return f"{text}; {self._rate(tally)}"
+        return f"{text}; {self._rate(tally)}" if tally.files > tally.earlier else text
 
     def _count(self, task: TaskID) -> None:
         # Beside the work: to list files takes a fraction of the time to classify them.

@@ -8,6 +8,7 @@ from pathlib import Path
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
+from service.batch.journals import errors_naming
 from service.batch.report.collecting import BINS, Report
 from service.batch.report.gallery import Shown
 
@@ -23,6 +24,7 @@ def write_page(report: Report, path: Path, seconds: float) -> None:
     Raises OSError where it cannot be written.
     """
     style, script = _source("style.css"), _source("script.js")
+    files = report.gallery.least_certain_first()
     stream = (
         _environment()
         .get_template("page.html")
@@ -31,7 +33,8 @@ def write_page(report: Report, path: Path, seconds: float) -> None:
             seconds=seconds,
             written=datetime.now().astimezone(),
             bins=BINS,
-            files=map(_entry, report.gallery.least_certain_first()),
+            files=map(_entry, files),
+            without_picture=sum(file.picture is None for file in files),
             style=Markup(style),
             script=Markup(script),
             policy=_policy(style, script),
@@ -39,9 +42,13 @@ def write_page(report: Report, path: Path, seconds: float) -> None:
     )
     stream.enable_buffering(BUFFERED)
     new = path.with_name(f".{path.name}.part")
-    with new.open("wb") as file:
-        stream.dump(file, "utf-8")
-    new.replace(path)
+    try:
+        with errors_naming(path), new.open("wb") as file:
+            stream.dump(file, "utf-8")
+        new.replace(path)
+    except BaseException:
+        new.unlink(missing_ok=True)
+        raise
 
 
 def _environment() -> Environment:

@@ -4,7 +4,10 @@ import os
 import subprocess
 import zipfile
 from collections.abc import Iterator
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from threading import Thread
 
 import fsspec
 import pytest
@@ -106,6 +109,30 @@ def test_a_glob_behind_a_url(bucket: str, folder: Path) -> None:
     fs.put(f"{folder}/", f"{path}/globs/", recursive=True)
     names = [entry.name for entry in Listing([f"{bucket}/globs/a/*.obj"])]
     assert names == [f"{bucket}/globs/a/d.obj"]
+
+
+class Quiet(SimpleHTTPRequestHandler):
+    """Serves a folder, and writes no log."""
+
+    def log_message(self, format: str, *args: object) -> None:
+        pass
+
+
+def test_a_folder_over_http_whose_listing_tells_no_sizes(folder: Path) -> None:
+    serve = partial(Quiet, directory=str(folder))
+    with ThreadingHTTPServer(("127.0.0.1", 0), serve) as server:
+        Thread(target=server.serve_forever).start()
+        url = f"http://127.0.0.1:{server.server_port}"
+        entries = list(Listing([f"{url}/a/"]))
+        assert [entry.below for entry in entries] == ["b/c.ply", "b.STL", "d.obj"]
+        for entry in entries:
+            assert entry.read().decode() == f"a/{entry.below}"
+            assert entry.size() == len(entry.read())
+        gone = next(iter(Listing([f"{url}/a/"])))
+        server.shutdown()
+    assert gone.size() == 0
+    with pytest.raises(OSError, match="No such file"):
+        gone.read()
 
 
 @pytest.mark.parametrize(

@@ -61,7 +61,7 @@ def test_any_form_is_made_anew_from_its_journal(
     tmp_path: Path, outcome: Callable, form: str
 ) -> None:
     path = tmp_path / f"all.{form}"
-    outcomes = [outcome("a.obj"), outcome('=b,\n".obj', "no-faces"), outcome("c.obj")]
+    outcomes = [outcome("a.obj"), outcome('=b,\r"\n.obj', "no-faces"), outcome("c\r.obj")]
     write(str(path), outcomes[:1])
     path.write_bytes(b"torn")
     write(str(path), outcomes[1:])
@@ -77,7 +77,7 @@ def test_any_form_is_made_anew_from_its_journal(
         assert [row["mesh"] and row["mesh"]["faces_in"] for row in rows] == [12, None, 12]
         assert rows[1]["error"]["fault"] == "no-faces"
         assert rows[0]["scores"] == [{"class": "ring", "probability": 0.5, "score": 1.5}]
-    assert [row["file"] for row in rows] == ["a.obj", '=b,\n".obj', "c.obj"]
+    assert [row["file"] for row in rows] == ["a.obj", '=b,\r"\n.obj', "c\r.obj"]
     assert {row["run"] for row in rows} == {RUN}
 
 

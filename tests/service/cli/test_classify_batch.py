@@ -74,6 +74,18 @@ def begin(many: Path, model_file: Path) -> Iterator[Begin]:
             process.wait()
 
 
+def test_a_run_that_finds_all_done_tells_no_rate(
+    many: Path, model_file: Path, uninterrupted: Path
+) -> None:
+    before = uninterrupted.read_bytes()
+    done = meshconv3d(
+        *("classify", many, "--model", model_file, "--output", uninterrupted, "--resume")
+    )
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr.endswith(f"40 refused (no-faces 40), {FILES} of them earlier\n")
+    assert uninterrupted.read_bytes() == before
+
+
 def test_the_order_is_that_of_the_folder(uninterrupted: Path, many: Path) -> None:
     expected = [str(path) for path in sorted(many.rglob("*.obj"))]
     assert [record["file"] for record in timeless(uninterrupted)] == expected

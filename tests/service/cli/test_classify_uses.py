@@ -40,6 +40,7 @@ def test_files_are_sorted_and_reported(folder: Path, model_file: Path, tmp_path:
     text = page.read_text()
     assert "19.obj" in text  # of the run before
     assert "21.obj" in text
+    assert "No picture of 20" in text
 
 
 def test_a_few_files_have_their_pictures_too(
@@ -51,14 +52,29 @@ def test_a_few_files_have_their_pictures_too(
     assert page.read_text().count('"picture": "') == 1
 
 
+@pytest.mark.parametrize("path", ["", "**/*.obj", "s*/ring/*", "*/*/*/*.obj"])
 def test_a_folder_that_would_be_classified_is_not_sorted_into(
-    folder: Path, model_file: Path
+    folder: Path, model_file: Path, path: str
 ) -> None:
-    call = ("classify", folder, "--model", model_file, "--sort-into", folder / "sorted")
-    done = meshconv3d(*call)
+    (folder / "s" / "ring" / "below").mkdir(parents=True)
+    for place in (folder / "s" / "ring", folder / "s" / "ring" / "below"):
+        shutil.copy(folder / "00.obj", place)
+    into = folder / "sorted"
+    done = meshconv3d("classify", folder / path, "--model", model_file, "--sort-into", into)
     assert done.returncode == 2
     assert "name a folder beside it" in done.stderr
-    assert not (folder / "sorted").exists()
+    assert not into.exists()
+
+
+def test_a_glob_that_does_not_reach_a_folder_lets_it_be_sorted_into(
+    folder: Path, model_file: Path
+) -> None:
+    into = folder / "sorted"
+    for _ in range(2):
+        done = meshconv3d(
+            *("classify", folder / "0?.*", "--model", model_file, "--sort-into", into)
+        )
+        assert (done.returncode, done.stdout.count("\n")) == (0, 10), done.stderr
 
 
 def test_standard_input_has_no_place_to_link_to(model_file: Path, tmp_path: Path) -> None:

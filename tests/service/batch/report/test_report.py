@@ -3,6 +3,7 @@
 import html
 import json
 import re
+import resource
 from pathlib import Path
 
 import pytest
@@ -85,12 +86,14 @@ def test_the_page_is_one_file_that_says_all(tmp_path: Path) -> None:
     assert doubtful["picture"] is None
     assert certain["file"] == "here/ring.obj"
     assert certain["likeliest"] == [["ring", 0.75], ["something else", 0.25]]
+    assert "No picture of 1: an earlier run classified them" in text
 
 
 def test_the_page_names_no_other_address(tmp_path: Path) -> None:
     toys = report()
     toys.add(answer("ring.obj"), picture(torus()))
     text = re.sub(r'"picture": "[^"]*"', "", page(toys, tmp_path))
+    assert "No picture" not in text
     assert not re.search(r"https?:|//\w|@import|url\(|<link|<iframe|<base", text)
     assert "default-src 'none'" in html.unescape(text)
     assert "unsafe" not in text
@@ -121,6 +124,21 @@ def test_a_batch_without_any_result_has_a_page(tmp_path: Path) -> None:
     only_unknown = report()
     only_unknown.add(answer("strange.obj", unknown=True))
     assert len(entries(page(only_unknown, tmp_path))) == 1
+
+
+def test_a_page_for_which_there_is_no_room_leaves_the_one_before(tmp_path: Path) -> None:
+    before = page(report(), tmp_path)
+    toys = report()
+    toys.add(answer("ring.obj"))
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, limits[1]))
+    try:
+        with pytest.raises(OSError, match=r"report\.html"):
+            page(toys, tmp_path)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert [path.name for path in tmp_path.iterdir()] == ["report.html"]
+    assert (tmp_path / "report.html").read_text() == before
 
 
 def test_a_page_replaces_the_one_before(tmp_path: Path) -> None:
