@@ -50,4 +50,4 @@ def has_mesh_name(name: str) -> bool:
 
 def _is_file(entry: os.DirEntry[str]) -> bool:
     leads_nowhere = entry.is_symlink() and not os.path.exists(entry)
-    return entry.is_file() or leads_nowhere
+    return leads_nowhere or entry.is_file()  # which a link that leads to itself has no answer to

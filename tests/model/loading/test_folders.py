@@ -1,0 +1,17 @@
+"""Which files of a folder are meshes."""
+
+from pathlib import Path
+
+from model.loading import walk_meshes
+
+
+def test_links_that_lead_nowhere_are_found_and_those_to_folders_are_not(tmp_path: Path) -> None:
+    """Who reads what is found says why it cannot."""
+    (tmp_path / "mesh.obj").write_text("")
+    (tmp_path / "below.obj").mkdir()
+    (tmp_path / "a.obj").symlink_to("mesh.obj")
+    (tmp_path / "itself.obj").symlink_to("itself.obj")
+    (tmp_path / "gone.obj").symlink_to("nowhere.obj")
+    (tmp_path / "folder.obj").symlink_to("below.obj")
+    found = [path.name for path in walk_meshes(tmp_path)]
+    assert found == ["a.obj", "gone.obj", "itself.obj", "mesh.obj"]
