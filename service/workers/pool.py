@@ -8,6 +8,10 @@ from service.workers.jobs import Job, Jobs
 from service.workers.seat import Seat
 from service.workers.tasks import Record, Setup, Work
 
+# How long a pool that is stopped as it starts waits for what its workers are just being told: they
+# would complain of the rest. In seconds.
+START_SECONDS = 5.0
+
 
 class WorkerPool:
     """Worker processes over one queue. Work that one of them loses is that of its own file.
@@ -64,6 +68,8 @@ class WorkerPool:
         self._jobs.close()
         for seat in self._seats:
             seat.close()
+        for seat in self._seats:
+            seat.wait_while_starting(START_SECONDS)
 
 
 def _by_name(models: list[dict[str, Any]]) -> dict[str, dict[str, Any]]:

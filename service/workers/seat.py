@@ -56,6 +56,11 @@ class Seat(threading.Thread):
         if self._worker is not None:
             self._worker.kill()
 
+    def wait_while_starting(self, seconds: float) -> None:
+        """Wait until the first worker is there, or is not to be."""
+        if self.is_alive() and not self.warm.done():
+            self.join(seconds)
+
     def run(self) -> None:
         """Keep a worker at work until the seat is closed."""
         try:

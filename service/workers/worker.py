@@ -3,9 +3,12 @@
 import ctypes
 import multiprocessing
 import os
+import signal
 import threading
 import time
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from multiprocessing import resource_tracker
 from multiprocessing.context import ForkServerContext
 from typing import Any
 
@@ -56,7 +59,8 @@ class Worker:
         arguments = (theirs, self._begun, self._taken_back, setup)
         self._process = context.Process(target=run, args=arguments, daemon=True)
         try:
-            self._process.start()
+            with _signals_held():
+                self._process.start()
         except OSError as error:  # it was gone before it had read what it is to do
             raise _not_started(error) from None
         theirs.close()
@@ -165,6 +169,18 @@ def _context() -> ForkServerContext:
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(["service.workers.origin"])
     return context
+
+
+@contextmanager
+def _signals_held() -> Iterator[None]:
+    """Within it, processes start whom no signal that asks to stop interrupts, as `origin` wants it,
+    but from their first moment."""
+    resource_tracker.ensure_running()  # which lets them through again as it starts
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _not_started(error: Exception) -> NotStarted:
