@@ -55,9 +55,7 @@ def _read_settings(
     "--preset",
     "preset_name",
     type=click.Choice(list(PRESETS)),
-    default="paper",
-    show_default=True,
-    help="Network.",
+    help="Network. [default: paper]",
 )
 @click.option(
     "--set",
@@ -66,6 +64,14 @@ def _read_settings(
     metavar="NAME=VALUE",
     callback=_read_settings,
     help="A setting of the network, such as patch_size=16; see model/config.py.",
+)
+@click.option(
+    "--from",
+    "start_file",
+    type=EXISTING_FILE,
+    metavar="CHECKPOINT",
+    help="Begin with another run's network, and what it has learned of other classes; in place of "
+    "--preset and --set.",
 )
 @click.option("--epochs", type=click.IntRange(1), default=60, show_default=True)
 @click.option("--batch-size", type=click.IntRange(2), default=16, show_default=True)
@@ -98,8 +104,9 @@ def train(
     data: Path,
     out: Path,
     split_file: Path | None,
-    preset_name: str,
+    preset_name: str | None,
     settings: dict[str, Any],
+    start_file: Path | None,
     epochs: int,
     batch_size: int,
     copies: int,
@@ -120,7 +127,6 @@ def train(
     from model import splits
     from model.augmentation import Augmentation
     from model.checkpoint import save_checkpoint
-    from model.config import preset
     from model.curves import draw_curves
     from model.datasets import SPLITS, DatasetError, class_names, find_samples
     from model.training import Trainer, TrainingConfig
@@ -133,10 +139,8 @@ def train(
         raise click.UsageError(str(error)) from None
     if not any(sample.split == "val" for sample in samples):
         samples = splits.hold_out(samples, hold_out, seed)
-    try:
-        config = preset(preset_name, class_names(samples), settings)
-    except ValueError as error:
-        raise click.UsageError(f"--set: {error}") from None
+    start = _start(start_file, preset_name, settings) if start_file else None
+    config = _config(class_names(samples), preset_name, settings, start)
     training = TrainingConfig(
         seed=seed,
         epochs=epochs,
@@ -151,7 +155,7 @@ def train(
             f"{len(versions)} training meshes do not fill a batch: choose a --batch-size below"
         )
     try:
-        trainer = Trainer(config, training, versions, out, device)
+        trainer = Trainer(config, training, versions, out, device, start and start.network)
         done = trainer.resume()
     except (ValueError, RuntimeError, AssertionError) as error:  # torch asserts that it has CUDA
         raise click.UsageError(str(error)) from None
@@ -165,10 +169,43 @@ def train(
         "split": split_file.name if split_file else "folders",
         **{split: part.total for split, part in parts.items()},
     }
+    if start:
+        checkpoint.training["from"] = start.training
     checkpoint.training["accuracy"] = _measure(checkpoint.network, parts["test"])
     save_checkpoint(checkpoint, out / CHECKPOINT_FILE)
     draw_curves(trainer.history, out / CURVES_FILE)
     click.echo(f"wrote {out / CHECKPOINT_FILE}")
+
+
+def _start(file: Path, preset_name: str | None, settings: dict[str, Any]) -> "Checkpoint":
+    """The checkpoint to begin with."""
+    from model.checkpoint import CheckpointError, load_checkpoint
+
+    if preset_name or settings:
+        raise click.UsageError("--from brings its network: leave --preset and --set out")
+    try:
+        return load_checkpoint(file)
+    except CheckpointError as error:
+        raise click.UsageError(f"--from: {error}") from None
+
+
+def _config(
+    classes: tuple[str, ...],
+    preset_name: str | None,
+    settings: dict[str, Any],
+    start: "Checkpoint | None",
+) -> NetworkConfig:
+    """The network over these classes."""
+    from dataclasses import replace
+
+    from model.config import preset
+
+    if start:
+        return replace(start.network.config, classes=classes)
+    try:
+        return preset(preset_name or "paper", classes, settings)
+    except ValueError as error:
+        raise click.UsageError(f"--set: {error}") from None
 
 
 def _measure(network: "Network", test: "LoadedSamples") -> dict[str, Any]:

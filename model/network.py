@@ -59,6 +59,17 @@ class Network(nn.Module):
         self.classify = nn.Linear(width, len(config.classes))
         self.novelty = Novelty(width, len(config.classes))
 
+    def take_features(self, other: "Network") -> None:
+        """Begin with another network's weights, all but those that tell its classes apart.
+
+        Both are of one configuration, but for the classes.
+        """
+        state = other.state_dict()
+        kept = {
+            name: state[name] for name in state if not name.startswith(("classify.", "novelty."))
+        }
+        self.load_state_dict(self.state_dict() | kept)
+
     def forward(self, terms: Tensor, *topology: Tensor) -> Outputs:
         features, pooled = self.features(terms, *topology)
         evidence = features @ self.classify.weight.T

@@ -46,6 +46,7 @@ class Trainer:
     """Trains a network epoch by epoch and keeps everything needed to go on in `folder`.
 
     versions: of every mesh, itself and its varied copies; each epoch draws one of them.
+    start: whose features the network begins with, see `Network.take_features`.
 
     Every random choice of an epoch comes from a generator seeded by (seed, epoch), so that a run
     that was killed and resumed gives the weights of one that was not.
@@ -58,13 +59,18 @@ class Trainer:
         versions: Sequence[Sequence[LabelledMesh]],
         folder: Path,
         device: str = "cpu",
+        start: Network | None = None,
     ) -> None:
         torch.manual_seed(training.seed)
         self.training = training
         self.versions = versions
         self.folder = folder
         self.device = torch.device(device)
-        self.network = Network(config).to(self.device)
+        self.start = start
+        self.network = Network(config)
+        if start is not None:
+            self.network.take_features(start)
+        self.network.to(self.device)
         self.optimiser = torch.optim.AdamW(
             self.network.parameters(), training.learning_rate, weight_decay=training.weight_decay
         )
@@ -115,8 +121,11 @@ class Trainer:
 
     @cached_property
     def _identity(self) -> str:
-        """What must agree for a run to go on: settings, classes and data."""
+        """What must agree for a run to go on: settings, classes, data, and where it started."""
         data = hashlib.sha256()
+        if self.start is not None:
+            for tensor in self.start.state_dict().values():
+                data.update(tensor.numpy().tobytes())
         for version in chain.from_iterable(self.versions):
             data.update(version.mesh.vertices.tobytes() + version.mesh.faces.tobytes())
             data.update(version.label.to_bytes(4, "little"))
