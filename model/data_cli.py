@@ -16,9 +16,14 @@ def data() -> None:
 @data.command()
 @click.argument("silhouettes", type=EXISTING_FOLDER)
 @click.argument("out", type=click.Path(file_okay=False, path_type=Path))
+@click.option(
+    "--others",
+    is_flag=True,
+    help="Cubes of the other 48 classes instead, 4800 and all to train on: for `train --from`.",
+)
 @click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True)
 @click.option("--workers", type=click.IntRange(1), help="Processes. [default: all cores]")
-def cubes(silhouettes: Path, out: Path, seed: int, workers: int | None) -> None:
+def cubes(silhouettes: Path, out: Path, others: bool, seed: int, workers: int | None) -> None:
     """Regenerate MeshCNN's engraved cubes in OUT, as CLASS/{train,test}/*.ply.
 
     SILHOUETTES is the data set MPEG-7 CE-Shape-1 part B, unpacked: 1400 GIFs called Bone-1.gif to
@@ -35,11 +40,12 @@ def cubes(silhouettes: Path, out: Path, seed: int, workers: int | None) -> None:
     from rich.progress import track
 
     from model.cubes.generation import claim, generate, plan, write_held_out
-    from model.cubes.recipe import RECIPE, CubesError
+    from model.cubes.recipe import OTHERS, RECIPE, CubesError
 
+    recipe = OTHERS if others else RECIPE
     try:
-        tasks = plan(silhouettes, out, RECIPE, seed)
-        claim(out, RECIPE, seed)
+        tasks = plan(silhouettes, out, recipe, seed)
+        claim(out, recipe, seed)
         write_held_out(tasks, out)
     except CubesError as error:
         raise click.UsageError(str(error)) from None

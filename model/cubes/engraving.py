@@ -1,5 +1,7 @@
 """A cube with an outline engraved on one face."""
 
+from contextlib import suppress
+
 import numpy as np
 from manifold3d import CrossSection, Error, Manifold, Mesh64
 from numpy.typing import NDArray
@@ -15,6 +17,9 @@ DEPTH = 0.1
 SHIFT = 0.9  # at most, along either axis of the face
 MARGIN = 0.05  # left between an engraving and the edge of the face
 FACES = 500
+# That are tried: where corners come too near to each other, a few more faces are cut than there are
+# to be, by some turns and not by others.
+PLACES = 5
 
 # A plain cube has 12 faces; a corner of the outline adds two of the wall, one of the floor and one
 # of the face around it.
@@ -33,8 +38,15 @@ def engraved_cube(outline: Outline, rng: np.random.Generator) -> Mesh:
     of side SIDE around the origin, DEPTH deep, all turned at random.
 
     outline: about the origin, with a long side of 1 and at most MOST_CORNERS corners. Raises
-    CubesError where the mesh came out as anything else.
+    CubesError where the mesh came out as anything else, wherever the outline was put.
     """
+    for _ in range(PLACES - 1):
+        with suppress(CubesError):
+            return _engraved_somewhere(outline, rng)
+    return _engraved_somewhere(outline, rng)
+
+
+def _engraved_somewhere(outline: Outline, rng: np.random.Generator) -> Mesh:
     vertices, faces = engrave(place(outline, rng))
     return Mesh(vertices @ random_rotation(rng).T, faces)
 

@@ -9,20 +9,16 @@ class CubesError(ValueError):
 
 @dataclass(frozen=True)
 class Recipe:
-    """classes: those of the original, spelt as the silhouettes' files are.
+    """classes: of silhouettes, spelt as their files are.
 
     train, test: silhouettes of a class. Split so, and not by cube, no test outline was ever seen.
     copies: cubes of one silhouette, which differ in place and rotation.
     """
 
-    classes: tuple[str, ...] = (
-        *("apple", "bat", "bell", "brick", "camel", "car", "carriage", "chopper", "elephant"),
-        *("fork", "guitar", "hammer", "Heart", "horseshoe", "key", "lmfish", "octopus", "shoe"),
-        *("spoon", "tree", "turtle", "watch"),
-    )
-    train: int = 17
-    test: int = 3
-    copies: int = 10
+    classes: tuple[str, ...]
+    train: int
+    test: int
+    copies: int
 
     @property
     def silhouettes(self) -> int:
@@ -30,4 +26,28 @@ class Recipe:
         return self.train + self.test
 
 
-RECIPE = Recipe()
+# The classes of the original.
+RECIPE = Recipe(
+    classes=(
+        *("apple", "bat", "bell", "brick", "camel", "car", "carriage", "chopper", "elephant"),
+        *("fork", "guitar", "hammer", "Heart", "horseshoe", "key", "lmfish", "octopus", "shoe"),
+        *("spoon", "tree", "turtle", "watch"),
+    ),
+    train=17,
+    test=3,
+    copies=10,
+)
+# All other classes of the silhouettes, to learn from what is not asked for.
+OTHERS = Recipe(
+    classes=(
+        *("beetle", "bird", "Bone", "bottle", "butterfly", "cattle", "cellular_phone", "chicken"),
+        *("children", "classic", "Comma", "crown", "cup", "deer", "device0", "device1"),
+        *("device2", "device3", "device4", "device5", "device6", "device7", "device8", "device9"),
+        *("dog", "face", "fish", "flatfish", "fly", "fountain", "frog", "Glas", "hat", "HCircle"),
+        *("horse", "jar", "lizzard", "Misk", "pencil", "personal_car", "pocket", "rat", "ray"),
+        *("sea_snake", "spring", "stef", "teddy", "truck"),
+    ),
+    train=20,
+    test=0,
+    copies=5,
+)

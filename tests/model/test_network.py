@@ -160,3 +160,22 @@ def test_other_depths_and_widths_work():
     assert scores.shape == (1, 2)
     assert evidence.shape[1] == 2
     assert 97 <= len(evidence) <= 100
+
+
+def test_features_are_taken_from_a_network_of_other_classes(prepared_torus):
+    """All that tells neither one's classes apart, and nothing else."""
+    config = NetworkConfig(classes=("a", "b"), channels=(8, 12, 16), dropout=0.3)
+    torch.manual_seed(1)
+    other = Network(replace(config, classes=("c", "d", "e"))).eval()
+    network = Network(config).eval()
+    before = {name: tensor.clone() for name, tensor in network.classify.state_dict().items()}
+    network.take_features(other)
+    inputs = as_tensors(collate([mesh_inputs(prepared_torus, config)]))
+    for mine, theirs in zip(network.features(*inputs), other.features(*inputs), strict=True):
+        assert torch.equal(mine, theirs)
+    assert all(torch.equal(network.classify.state_dict()[name], before[name]) for name in before)
+
+
+@pytest.fixture
+def prepared_torus() -> Mesh:
+    return prepare(torus(), 500)[0]

@@ -111,3 +111,21 @@ def test_an_engraving_stays_on_its_face_and_reaches_all_of_it():
 def test_a_cube_that_came_out_wrong_is_refused(outline, says):
     with pytest.raises(CubesError, match=says):
         engrave(outline)
+
+
+def test_an_outline_that_cannot_be_engraved_in_one_place_is_put_elsewhere(monkeypatch):
+    """As the next place of the same generator would have it."""
+    refused = iter([True, True, False])
+
+    def some(outline):
+        if next(refused):
+            raise CubesError("502 faces")
+        return engrave(outline)
+
+    monkeypatch.setattr("model.cubes.engraving.engrave", some)
+    rng = np.random.default_rng(5)
+    cube = engraved_cube(BAR, rng)
+    again = np.random.default_rng(5)
+    for _ in range(2):
+        place(BAR, again)
+    assert np.array_equal(cube.faces, engrave(place(BAR, again))[1])

@@ -17,7 +17,7 @@ from model.cubes.generation import (
     run,
     write_held_out,
 )
-from model.cubes.recipe import RECIPE, CubesError, Recipe
+from model.cubes.recipe import OTHERS, RECIPE, CubesError, Recipe
 from model.cubes.silhouettes import outline
 from model.datasets import find_samples
 from model.loading import load_mesh
@@ -48,6 +48,12 @@ def test_the_original_has_22_classes_and_about_as_many_cubes():
     assert len(RECIPE.classes) == len(set(RECIPE.classes)) == 22
     assert len(RECIPE.classes) * RECIPE.train * RECIPE.copies == 3740
     assert len(RECIPE.classes) * RECIPE.test * RECIPE.copies == 660
+
+
+def test_the_others_are_all_that_the_original_has_not():
+    assert len(OTHERS.classes) == len(set(OTHERS.classes)) == 48
+    assert set(OTHERS.classes).isdisjoint(RECIPE.classes)
+    assert (OTHERS.silhouettes, OTHERS.test) == (RECIPE.silhouettes, 0)
 
 
 def test_cubes_lie_as_training_wants_them_and_are_sound(silhouettes, recipe, tmp_path):
@@ -179,6 +185,14 @@ def test_the_command_says_what_it_made(silhouettes, tmp_path):
     assert cubes(silhouettes, out, "--workers", 1).stdout == "wrote " + says.format(1)
 
 
+def test_the_command_makes_cubes_of_the_others(silhouettes, tmp_path, monkeypatch):
+    others = Recipe(classes=("star",), train=4, test=0, copies=1)
+    monkeypatch.setattr("model.cubes.recipe.OTHERS", others)
+    result = cubes(silhouettes, tmp_path / "out", "--others", "--workers", 1)
+    assert "4 to train on and 0 to test on" in result.stdout
+    assert len(list((tmp_path / "out" / "star" / "train").glob("*.ply"))) == 4
+
+
 @pytest.mark.usefixtures("small")
 def test_the_command_says_what_is_missing(silhouettes, tmp_path):
     (silhouettes / "star-3.gif").unlink()
@@ -199,7 +213,7 @@ def test_the_command_fails_on_a_bad_image(silhouettes, tmp_path):
 def test_the_real_silhouettes_are_engraved(mpeg7, tmp_path):
     tasks = plan(mpeg7, tmp_path, RECIPE, 0)
     assert len(tasks) == 22 * 20
-    for task in tasks:
+    for task in [*tasks, *plan(mpeg7, tmp_path, OTHERS, 0)]:
         assert 3 <= len(outline(task.silhouette.path, MOST_CORNERS)) <= MOST_CORNERS
     for task in tasks[::20]:
         assert run(task) == 10
