@@ -2,14 +2,13 @@
 
 import os
 import signal
-import subprocess
 import time
 from pathlib import Path
 
 import pytest
 
 from service.cli import main
-from tests.commands import PROGRAM, environment
+from tests.commands import interruptible
 
 
 def interrupted_in_compiled_code() -> None:
@@ -43,14 +42,7 @@ def test_another_system_error_is_not_hidden(monkeypatch):
 @pytest.mark.parametrize("seconds", [0.6, 0.9, 1.2, 1.5, 2.0])
 def test_an_interrupt_as_workers_start_is_told_in_a_word(model_file: Path, seconds: float) -> None:
     """A terminal interrupts all processes at once."""
-    process = subprocess.Popen(
-        [PROGRAM, "serve", "--port", "0", "--model", str(model_file)],
-        stderr=subprocess.PIPE,
-        text=True,
-        env=environment(),
-        start_new_session=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
-    )
+    process = interruptible("serve", "--port", "0", "--model", model_file)
     time.sleep(seconds)
     os.killpg(process.pid, signal.SIGINT)
     _, said = process.communicate(timeout=30)

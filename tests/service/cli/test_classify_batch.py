@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.commands import PROGRAM, environment, meshconv3d
+from tests.commands import interruptible, meshconv3d
 from tests.processes import family, until
 
 FILES = 400
@@ -54,15 +54,8 @@ def begin(many: Path, model_file: Path) -> Iterator[Begin]:
     processes: list[subprocess.Popen[str]] = []
 
     def begin_one(*options: object) -> subprocess.Popen[str]:
-        command = [PROGRAM, "classify", str(many), "--model", str(model_file), "--workers", "1"]
-        process = subprocess.Popen(
-            [*command, *map(str, options)],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-            env=environment(),
-            start_new_session=True,
-            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+        process = interruptible(
+            *("classify", many, "--model", model_file, "--workers", "1", *options)
         )
         processes.append(process)
         return process
