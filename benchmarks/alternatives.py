@@ -1,8 +1,8 @@
 """What else the graph could be: `python -m benchmarks run alternatives`.
 
-The sums over patches in every form that onnxruntime's operations allow, beside the exported one;
-then the whole graph under other options of a session, and with its weights as eight-bit integers,
-with how far that moves the scores of the samples.
+The sums over patches in other forms of onnxruntime's operations, beside the exported one; then the
+whole graph under other options of a session, and with its weights as eight-bit integers, with how
+far that moves the scores of the samples.
 """
 
 import tempfile
@@ -23,16 +23,17 @@ from model.preparation import prepare
 from model.samples import sample_paths
 from service.models import ModelFile
 
+STACKED = """
+        rows = Gather <axis = 0> (table, {index})
+        centre = Unsqueeze (features, {axis})
+        differences = Sub (rows, centre)
+        distances = Abs (differences)
+        sums = ReduceSum <keepdims = 0> (rows, {axis})
+        far = ReduceSum <keepdims = 0> (distances, {axis})"""
 # Sums of a patch's rows, and of their absolute differences to the face. `slots` are the columns of
 # the patches, so that one row of them is one slot of all faces.
 SUMS = {
-    "side by side, as exported": """
-        rows = Gather <axis = 0> (table, patches)
-        centre = Unsqueeze (features, one)
-        differences = Sub (rows, centre)
-        distances = Abs (differences)
-        sums = ReduceSum <keepdims = 0> (rows, one)
-        far = ReduceSum <keepdims = 0> (distances, one)""",
+    "side by side, as exported": STACKED.format(index="patches", axis="one"),
     "distances as norms": """
         rows = Gather <axis = 0> (table, patches)
         centre = Unsqueeze (features, one)
@@ -49,13 +50,7 @@ SUMS = {
         all = Mul (features, count)
         apart = Sub (twice, sums)
         far = Sub (apart, all)""",
-    "slots before faces": """
-        rows = Gather <axis = 0> (table, slots)
-        centre = Unsqueeze (features, zero)
-        differences = Sub (rows, centre)
-        distances = Abs (differences)
-        sums = ReduceSum <keepdims = 0> (rows, zero)
-        far = ReduceSum <keepdims = 0> (distances, zero)""",
+    "slots before faces": STACKED.format(index="slots", axis="zero"),
     "a gather for each slot": """
         {slots}
         sums = Sum ({rows})
@@ -78,13 +73,13 @@ def run(model_name: str) -> Findings:
     findings = Findings(best({"yardstick": yardstick()})["yardstick"])
     model = ModelFile.read(model_name)
     config = model.open().card.config
-    inputs = [collate([mesh_inputs(prepare(sample(), config.face_budget)[0], config)])]
-    widths = (config.descriptor_channels * 2, *config.channels)
+    meshes = [sample(), *map(load_mesh, sample_paths().values())]
+    prepared = [prepare(mesh, config.face_budget)[0] for mesh in meshes]
+    inputs = [collate([mesh_inputs(mesh, config)]) for mesh in prepared]
+    descriptors = 3 if config.surroundings else 2
+    widths = (descriptors * config.descriptor_channels, *config.channels)
     for level, width in enumerate(widths[: config.levels]):
-        patches = inputs[0][f"patches_{level}"][:, 1:]
-        compare_sums(findings, patches, width)
-    meshes = [prepare(load_mesh(path), config.face_budget)[0] for path in sample_paths().values()]
-    inputs += [collate([mesh_inputs(mesh, config)]) for mesh in meshes]
+        compare_sums(findings, inputs[0][f"patches_{level}"][:, 1:], width)
     compare_graphs(findings, model.content, inputs)
     return findings
 
