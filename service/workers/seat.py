@@ -80,6 +80,8 @@ class Seat(threading.Thread):
         job, number = self._ahead or (self._jobs.take(CHECK_SECONDS), None)
         self._ahead = None
         if job is None:
+            if not worker.alive:
+                worker.end()
             return
         expires = job.expires
         if expires is None:
@@ -162,8 +164,7 @@ class Seat(threading.Thread):
         One that had begun with what was to be next is asked for that first: it may have answered,
         or died of it.
         """
-        while not worker.alive and not self.closing.is_set() and self._take_back_ahead(worker):
-            worker.end()
+        while worker.ended and not self.closing.is_set() and self._take_back_ahead(worker):
             try:
                 worker = Worker(self._setup)
                 self.restarts += 1

@@ -3,6 +3,7 @@
 import ctypes
 import multiprocessing
 import os
+import select
 import signal
 import threading
 import time
@@ -40,7 +41,8 @@ class Worker:
     much as the rest of a request, and share pipes that one killed worker breaks for all. Here each
     worker has a pipe to the one thread that waits for it.
 
-    models: what each model says of itself. `alive`: whether it can be given work.
+    models: what each model says of itself. ended: whether it was seen to be dead, or ended;
+    `alive`: whether it can be given work, which costs more to know.
     """
 
     def __init__(self, setup: Setup) -> None:
@@ -50,8 +52,11 @@ class Worker:
         process does not live to tell.
         """
         context = _context()
-        self._ended = False
+        self.ended = False
         self._pipe, theirs = context.Pipe()
+        # The calls of a connection that wait for it make a new one of these each time.
+        self._answers = select.poll()
+        self._answers.register(self._pipe, select.POLLIN)
         self._sent = 0
         self._overran = False
         self._begun = context.RawValue(ctypes.c_uint64)
@@ -75,7 +80,7 @@ class Worker:
 
     @property
     def alive(self) -> bool:
-        return not self._ended and self._process.is_alive()
+        return not self.ended and self._process.is_alive()
 
     def hand_over(self, work: Work, expires: float) -> int:
         """Give it work, after what it has; the number to ask for the answer under.
@@ -132,8 +137,10 @@ class Worker:
 
     def _answer(self, wanted: int, seconds: float) -> Any:
         """The answer of a number. Raises the error that it is, TimeoutError, EOFError, OSError."""
+        if self.ended:  # the system may have given the number of its pipe to another by now
+            raise EOFError
         ends = time.monotonic() + seconds
-        while self._pipe.poll(max(ends - time.monotonic(), 0.0)):
+        while self._answers.poll(max(ends - time.monotonic(), 0.0) * 1000):
             number, error, value = self._pipe.recv()
             if number != wanted:
                 continue
@@ -155,8 +162,8 @@ class Worker:
 
     def end(self) -> None:
         """Kill the process, and give its pipe back."""
-        if not self._ended:
-            self._ended = True
+        if not self.ended:
+            self.ended = True
             self.kill()
             self._pipe.close()
 
