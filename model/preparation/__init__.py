@@ -23,7 +23,13 @@ from model.preparation.cleaning import (
 from model.preparation.coarsening import coarsen
 from model.preparation.report import MeshReport
 from model.preparation.resampling import decimate, subdivide
-from model.preparation.triangles import face_areas, farthest, measure_faces, surface_area
+from model.preparation.triangles import (
+    face_areas,
+    farthest,
+    measure_faces,
+    surface_area,
+    weighted_mean,
+)
 
 __all__ = [
     "MeshReport",
@@ -66,10 +72,12 @@ def prepare(mesh: Mesh, face_budget: int) -> tuple[Mesh, MeshReport]:
 
 def prepare_placed(mesh: Mesh, face_budget: int) -> tuple[Mesh, MeshReport, Placement]:
     """What `prepare` makes of a mesh, and where in the file it lies."""
-    vertices, faces, counts = clean(mesh)
-    clean_area = surface_area(vertices, faces)
-    vertices, faces, resampled = _resample(vertices, faces, face_budget)
-    area_kept = surface_area(vertices, faces) / clean_area
+    clean_vertices, clean_faces, counts = clean(mesh)
+    vertices, faces, resampled = _resample(clean_vertices, clean_faces, face_budget)
+    area_kept, components = 1.0, counts["components"]
+    if resampled != "none":
+        area_kept = surface_area(vertices, faces) / surface_area(clean_vertices, clean_faces)
+        components = count_components(faces, len(vertices))
     if not AREA_KEPT[0] <= area_kept <= AREA_KEPT[1]:
         raise UnusableMesh(
             "lost-in-simplification",
@@ -83,7 +91,7 @@ def prepare_placed(mesh: Mesh, face_budget: int) -> tuple[Mesh, MeshReport, Plac
         faces_used=len(faces),
         resampled=resampled,
         within_budget=len(faces) <= face_budget,
-        components_lost=counts["components"] - count_components(faces, len(vertices)),
+        components_lost=counts["components"] - components,
         area_kept=round(area_kept, 4),
     )
     centre, radius = _sphere(vertices, faces)
@@ -122,5 +130,5 @@ def _sphere(
     The centroid is weighted by area: that of the vertices would move with the triangulation.
     """
     centroids, _, areas = measure_faces(vertices, faces)
-    centre = np.average(centroids, axis=0, weights=areas)
+    centre = weighted_mean(centroids, areas)
     return centre, farthest(vertices, centre)

@@ -12,7 +12,13 @@ from numpy.typing import NDArray
 from model.errors import UnusableMesh
 from model.kernels import kernel
 from model.mesh import Mesh
-from model.preparation.triangles import bounds, enclose, have_height, measure_faces
+from model.preparation.triangles import (
+    bounds,
+    enclose,
+    have_height,
+    measure_faces,
+    weighted_mean,
+)
 from model.topology.halfedges import find_twins
 
 # The welding grid divides each axis of the unit box into 2^20 steps, 1e-6 of the mesh's size:
@@ -258,17 +264,15 @@ def face_inward(
     """
     component, _, count = _spread_orientation(faces, twin)
     centroids, area_normals, face_areas = measure_faces(vertices, faces)
-    middle = np.average(centroids, axis=0, weights=face_areas)
+    middle = weighted_mean(centroids, face_areas)
     areas, volumes, outwards = enclose(
         component, count, centroids, area_normals, face_areas, middle
     )
     borders = np.bincount(component, (twin.reshape(-1, 3) < 0).sum(axis=1), count)
     least = np.where(borders > 0, OPEN_VOLUME, CLOSED_VOLUME) * areas**1.5
-    turn = np.select(
-        [np.abs(volumes) > least, np.abs(outwards) > OPEN_VOLUME * areas**1.5],
-        [volumes < 0, outwards < 0],
-        np.bincount(component, winding, count) < 0,
-    )
+    seen = np.abs(outwards) > OPEN_VOLUME * areas**1.5
+    flat = np.where(seen, outwards < 0, np.bincount(component, winding, count) < 0)
+    turn = np.where(np.abs(volumes) > least, volumes < 0, flat)
     return turn[component], count
 
 

@@ -43,6 +43,11 @@ def face_areas(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> NDArr
     return measure_faces(vertices, faces)[2]
 
 
+def weighted_mean(points: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Mean of points (N x 3) by weight (N): 3 float64."""
+    return (points * weights[:, None]).sum(axis=0) / weights.sum()
+
+
 @kernel
 def have_height(
     vertices: NDArray[np.float64],
