@@ -25,15 +25,29 @@ def gather_rows(features: Tensor, index: Tensor) -> Tensor:
 
 
 def count_present(index: Tensor, features: Tensor) -> Tensor:
-    """How many entries of each row of an index (M x W) are faces: M x 1, at least 1."""
-    return (index > 0).to(features.dtype).sum(dim=1, keepdim=True).clamp(min=1)
+    """How many entries of each row of an index (M x W) are faces: M x 1, of the features' type."""
+    return (index > 0).to(features.dtype).sum(dim=1, keepdim=True)
 
 
 def gather_mean(features: Tensor, index: Tensor) -> Tensor:
     """Mean over the faces that each row of the index names. N x C, M x W -> M x C."""
     if is_fused(features):
         return GatherMean.apply(features, index)
-    return gather_rows(features, index).sum(dim=1) / count_present(index, features)
+    share = 1 / count_present(index, features).clamp(min=1)
+    return gather_rows(features, index).sum(dim=1) * share
+
+
+def mesh_mean(features: Tensor, index: Tensor) -> Tensor:
+    """`gather_mean` over few rows of many faces: N x C, B x R -> B x C.
+
+    A product, which onnxruntime has ready sooner than a sum over so long an axis.
+    """
+    if is_fused(features):
+        return GatherMean.apply(features, index)
+    share = 1 / count_present(index, features).clamp(min=1)  # B x 1
+    # The null face reads zeros: its share does no harm.
+    weights = share[:, None].expand(-1, 1, index.shape[1])
+    return (weights @ gather_rows(features, index)).squeeze(1)
 
 
 def spread_peaks(features: Tensor, index: Tensor) -> Tensor:
@@ -44,7 +58,7 @@ def spread_peaks(features: Tensor, index: Tensor) -> Tensor:
     faces of each mesh. Returns N x C.
     """
     weights = features**3
-    means = gather_mean(weights, index) + LEAST_WEIGHT  # B x C
+    means = mesh_mean(weights, index) + LEAST_WEIGHT  # B x C
     # Which mesh a face is of, by face + 1; whatever the null face gets, nobody reads.
     owners = index.new_zeros(features.shape[0] + 1, dtype=torch.int64)
     meshes = torch.arange(index.shape[0], device=index.device)[:, None].expand(index.shape)
@@ -102,9 +116,9 @@ def patch_statistics(features: Tensor, neighbours: Tensor, summed: bool = False)
     rows = gather_rows(features, neighbours)  # N x (K - 1) x C
     differences = (rows - features[:, None]).abs().sum(dim=1)
     # A null row reads zeros, so that each missing face has added |centre|: take that off again.
-    missing = (neighbours == 0).to(features.dtype).sum(dim=1, keepdim=True)
-    differences = differences - missing * features.abs()
+    present = count_present(neighbours, features)
+    differences = differences - (neighbours.shape[1] - present) * features.abs()
     if summed:
         return torch.cat([features, rows.sum(dim=1), differences], dim=1)
-    present = count_present(neighbours, features)
-    return torch.cat([features, rows.sum(dim=1) / present, differences / present], dim=1)
+    share = 1 / present.clamp(min=1)
+    return torch.cat([features, rows.sum(dim=1) * share, differences * share], dim=1)

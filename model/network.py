@@ -10,7 +10,7 @@ from torch import Tensor, nn
 
 from model.config import NetworkConfig
 from model.descriptors import GEODESIC_TERMS, GEOMETRIC_TERMS
-from model.layers import Descriptor, PatchConvolution, gather_mean, spread_peaks
+from model.layers import Descriptor, PatchConvolution, gather_mean, mesh_mean, spread_peaks
 from model.levels import first_level
 from model.novelty import Novelty
 from model.surroundings import MEASURES
@@ -93,7 +93,7 @@ class Network(nn.Module):
         readout = level.readout()
         if self.config.readout == "mean-peak":
             features = torch.cat([features, spread_peaks(features, readout)], dim=1)
-        return features, gather_mean(features, readout)
+        return features, mesh_mean(features, readout)
 
 
 def as_tensors(

@@ -65,8 +65,8 @@ CONFIGS = {
 # What a graph may consist of: gathers, arithmetic, matrix products, and matters of shape.
 ALLOWED = {
     "Gather",
-    *("Add", "Sub", "Mul", "Div", "Abs", "Clip", "Max", "Relu", "ReduceSum"),
-    *("MatMul", "Gemm", "Transpose"),
+    *("Add", "Sub", "Mul", "Div", "Abs", "Clip", "Max", "Reciprocal"),
+    *("Relu", "ReduceSum", "MatMul", "Gemm", "Transpose"),
     *("Pow", "ReduceMin"),
     *("Cast", "Concat", "Constant", "ConstantOfShape", "Expand", "Greater", "Equal"),
     *("Identity", "Reshape", "Shape", "Slice", "Split", "Squeeze", "Unsqueeze"),
