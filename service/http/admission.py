@@ -11,7 +11,7 @@ RATE_WINDOW = 64
 
 # A refusal is answered after so many seconds. To refuse takes time from those who were
 # accepted, and who is refused at once asks again at once.
-PAUSE_SECONDS = 1.0
+PAUSE_SECONDS = 2.0
 
 
 class Full(Exception):
