@@ -1,8 +1,9 @@
 """What else the graph could be: `python -m benchmarks run alternatives`.
 
-The sums over patches in other forms of onnxruntime's operations, beside the exported one; then the
-whole graph under other options of a session, and with its weights as eight-bit integers, with how
-far that moves the scores of the samples.
+The sums over patches in other forms of onnxruntime's operations, beside the exported one and the
+compiled loops of training, which no graph can call; then the whole graph under other options of a
+session, and with its weights as eight-bit integers, with how far that moves the scores of the
+samples.
 """
 
 import tempfile
@@ -17,6 +18,7 @@ from benchmarks.measuring import best, yardstick
 from benchmarks.stages import OUTPUTS
 from benchmarks.workloads import sample
 from export.runtime import onnxruntime, session_options
+from model.fused import gather_patches
 from model.inputs import collate, mesh_inputs
 from model.loading import load_mesh
 from model.preparation import prepare
@@ -97,8 +99,17 @@ def compare_sums(findings: Findings, patches: NDArray[np.int32], width: int) -> 
     for result in results[1:]:
         for found, expected in zip(result, results[0], strict=True):
             np.testing.assert_allclose(np.asarray(found), np.asarray(expected), 1e-4, 1e-4)
+    statistics = np.empty((faces, 3 * width), np.float32)
+
+    def loops() -> None:
+        gather_patches(given["features"], given["patches"], 0, True, statistics)
+
+    loops()
+    for found, expected in zip(np.split(statistics, 3, axis=1)[1:], results[0], strict=True):
+        np.testing.assert_allclose(found, np.asarray(expected), 1e-4, 1e-4)
     heading(f"Sums over {slots} neighbours of {faces} faces, {width} channels")
-    times = best({n: lambda s=s: s.run(None, given) for n, s in sessions.items()}, seconds=0.5)
+    calls = {name: lambda s=s: s.run(None, given) for name, s in sessions.items()}
+    times = best({**calls, "compiled loops, in no graph": loops}, seconds=0.5)
     for name, elapsed in times.items():
         findings.add(f"{faces} faces: {name}", elapsed, MILLISECONDS)
 
