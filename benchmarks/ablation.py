@@ -32,6 +32,8 @@ RESULTS = Path(__file__).parent / "results"
 TRAIN, VAL, VARIED = 7, 3, 5
 EPOCHS = 30
 
+HALF_DESCRIPTORS = {"descriptor_hidden": 64, "descriptor_channels": 32}
+HALF_CHANNELS = {"channels": (32, 64, 128)}
 # By title, what differs from the defaults, in order of importance.
 ROWS: dict[str, dict[str, Any]] = {
     "reference": {},
@@ -48,6 +50,9 @@ ROWS: dict[str, dict[str, Any]] = {
     "self padding": {"patch_padding": "self"},
     "K = 1": {"patch_size": 1},
     "K = 24": {"patch_size": 24},
+    "half the descriptors": HALF_DESCRIPTORS,
+    "half the channels": HALF_CHANNELS,
+    "half of both": {**HALF_DESCRIPTORS, **HALF_CHANNELS},
 }
 
 
