@@ -29,11 +29,16 @@ def count_present(index: Tensor, features: Tensor) -> Tensor:
     return (index > 0).to(features.dtype).sum(dim=1, keepdim=True)
 
 
+def shares(present: Tensor) -> Tensor:
+    """What each of so many faces is of their mean; of none, one."""
+    return 1 / present.clamp(min=1)
+
+
 def gather_mean(features: Tensor, index: Tensor) -> Tensor:
     """Mean over the faces that each row of the index names. N x C, M x W -> M x C."""
     if is_fused(features):
         return GatherMean.apply(features, index)
-    share = 1 / count_present(index, features).clamp(min=1)
+    share = shares(count_present(index, features))
     return gather_rows(features, index).sum(dim=1) * share
 
 
@@ -43,10 +48,9 @@ def mesh_mean(features: Tensor, index: Tensor) -> Tensor:
     A product, which onnxruntime has ready sooner than a sum over so long an axis.
     """
     if is_fused(features):
-        return GatherMean.apply(features, index)
-    share = 1 / count_present(index, features).clamp(min=1)  # B x 1
+        return gather_mean(features, index)
     # The null face reads zeros: its share does no harm.
-    weights = share[:, None].expand(-1, 1, index.shape[1])
+    weights = shares(count_present(index, features))[:, None].expand(-1, 1, index.shape[1])
     return (weights @ gather_rows(features, index)).squeeze(1)
 
 
@@ -120,5 +124,5 @@ def patch_statistics(features: Tensor, neighbours: Tensor, summed: bool = False)
     differences = differences - (neighbours.shape[1] - present) * features.abs()
     if summed:
         return torch.cat([features, rows.sum(dim=1), differences], dim=1)
-    share = 1 / present.clamp(min=1)
+    share = shares(present)
     return torch.cat([features, rows.sum(dim=1) * share, differences * share], dim=1)

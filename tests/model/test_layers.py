@@ -10,6 +10,7 @@ from model.layers import (
     PatchConvolution,
     gather_mean,
     gather_rows,
+    mesh_mean,
     patch_statistics,
     spread_peaks,
 )
@@ -36,6 +37,7 @@ def test_means_ignore_nulls(seed, width, count):
     rng = np.random.default_rng(seed)
     features, index = random_features(8), torch.from_numpy(rng.integers(0, 9, (count, width)))
     means = gather_mean(features, index)
+    assert torch.allclose(mesh_mean(features, index), means)
     for row, mean in zip(index.tolist(), means, strict=True):
         named = [features[f - 1] for f in row if f]
         expected = sum(named) / len(named) if named else torch.zeros(5)
