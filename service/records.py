@@ -2,6 +2,7 @@
 
 import os
 
+import numpy as np
 from pydantic import AliasChoices, BaseModel, Field, TypeAdapter
 
 from model.errors import MeshError
@@ -63,6 +64,7 @@ class Refusal(BaseModel):
     error: Reason
 
 
+_SCORES = TypeAdapter(list[ClassScore])
 _RECORD: TypeAdapter[Answer | Refusal] = TypeAdapter(Answer | Refusal)
 
 
@@ -73,14 +75,15 @@ def parse_record(content: bytes) -> Answer | Refusal:
 
 def answer(file: str | None, result: Classification, top: int | None = None) -> Answer:
     """The record of a result, with the `top` likeliest classes, or all."""
-    scores = [
-        ClassScore(
-            class_=result.classes[i],
-            probability=round(float(result.probabilities[i]), 6),
-            score=round(float(result.scores[i]), 5),
-        )
-        for i in result.ranking[:top]
-    ]
+    # At once: rounded and checked one by one, they would be most of what a record takes.
+    probabilities = result.probabilities.round(6).tolist()
+    logits = result.scores.astype(np.float64).round(5).tolist()
+    scores = _SCORES.validate_python(
+        [
+            {"class": result.classes[i], "probability": probabilities[i], "score": logits[i]}
+            for i in result.ranking[:top]
+        ]
+    )
     return Answer(
         file=file,
         class_=scores[0].class_,

@@ -9,6 +9,7 @@ from starlette.types import ASGIApp
 
 from service.http import page
 from service.http.admission import Admission
+from service.http.cards import card_routes
 from service.http.description import INFERENCE_SCHEMAS
 from service.http.gate import Gate
 from service.http.keys import Keyed, describe_keys
@@ -38,12 +39,13 @@ def create_app(pool: WorkerPool, admission: Admission, settings: Settings) -> AS
     serving = Serving(pool, admission, settings, Metrics(pool, admission))
     routes = _Api(settings)
     install_problem_handlers(routes)
-    routers = (v1_routes(serving), v2_routes(serving), probe_routes(serving), page.router)
-    for router in routers:
-        routes.include_router(router)
+    for router in (
+        *(v1_routes(serving), card_routes(serving), v2_routes(serving), probe_routes(serving)),
+        page.router,
+    ):
+        # Included, they would be in lists of their own, and the app's would not tell of them.
+        routes.router.routes += router.routes
     routes.mount("/assets", page.Assets())
-    # The app's own list does not tell of the routes in its routers.
-    known = [*(route for router in routers for route in router.routes), *routes.routes]
     app: ASGIApp = Gate(routes, admission, settings)
     if settings.api_keys:
         app = Keyed(app, settings.api_keys)
@@ -56,7 +58,7 @@ def create_app(pool: WorkerPool, admission: Admission, settings: Settings) -> AS
             allow_headers=CORS_REQUEST_HEADERS,
             expose_headers=CORS_ANSWER_HEADERS,
         )
-    return Observed(app, known, serving.metrics)
+    return Observed(app, routes.routes, serving.metrics)
 
 
 class _Api(FastAPI):

@@ -36,13 +36,10 @@ class Serving:
         """Whether there is a worker that gave a known mesh its scores, and work is taken."""
         return self.pool.alive > 0 and self.admission.open
 
-    @property
-    def default_model(self) -> str:
-        """The name of the first model."""
-        return next(iter(self.pool.models))
-
-    def card(self, name: str) -> dict[str, Any]:
-        """The card of a model that is served. Raises HTTPException."""
+    def card(self, name: str | None) -> dict[str, Any]:
+        """The card of a model that is served; with None, of the first. Raises HTTPException."""
+        if name is None:
+            name = next(iter(self.pool.models))
         if name not in self.pool.models:
             names = ", ".join(self.pool.models)
             raise HTTPException(404, f"no model {name!r} is served here, but {names}")

@@ -2,9 +2,8 @@
 
 import logging
 from collections.abc import AsyncIterator, Sequence
-from dataclasses import asdict
 
-from fastapi import APIRouter, HTTPException, Query, Request, Response
+from fastapi import APIRouter, HTTPException, Request, Response
 from fastapi.responses import StreamingResponse
 from starlette.requests import ClientDisconnect
 from starlette.types import Receive, Scope, Send
@@ -12,6 +11,7 @@ from starlette.types import Receive, Scope, Send
 from service.evidence import FORMS, explained_class
 from service.evidence.records import ExplainedAnswer
 from service.http.description import BINARY, FILE_BODY, FILES_BODY, WORK_ERRORS, problems
+from service.http.direct import Asked, AskedWhy, DirectRoute, described, read_query
 from service.http.negotiation import preferred
 from service.http.notes import notes_of
 from service.http.problems import reason
@@ -28,28 +28,21 @@ COLOURED = [FORMS[name].media_type for name in ("glb", "ply")]
 
 
 def v1_routes(serving: Serving) -> APIRouter:
-    """Classify one mesh or several; what models there are."""
-    router = APIRouter(prefix="/v1")
-    # What the default is called stands behind a key: not in the description, then.
-    model_name = Query(
-        default_factory=lambda: serving.default_model,
-        description="name of the model; by default the first of /v1/models",
-    )
-    top_classes = Query(None, ge=1, description="only the N likeliest")
+    """Classify one mesh or several, and explain one."""
+    router = APIRouter(prefix="/v1", route_class=DirectRoute)
 
     @router.post(
         "/classify",
         response_model=Answer,
         responses=problems(*WORK_ERRORS),
-        openapi_extra={"requestBody": FILE_BODY},
+        openapi_extra=described(Asked, FILE_BODY),
     )
-    async def classify(
-        request: Request, model: str = model_name, top: int | None = top_classes
-    ) -> Response:
+    async def classify(request: Request) -> Response:
         """Classify one mesh: the form field `file`, or a raw body with a model media type."""
-        serving.card(model)
+        asked = read_query(request, Asked)
+        model = serving.card(asked.model)["name"]
         upload = await read_upload(request)
-        record = await serving.record(request, _work(upload, model, top))
+        record = await serving.record(request, _work(upload, model, asked.top))
         return Response(record.content, media_type="application/json")
 
     @router.post(
@@ -62,16 +55,16 @@ def v1_routes(serving: Serving) -> APIRouter:
             },
             **problems(*WORK_ERRORS),
         },
-        openapi_extra={"requestBody": FILES_BODY},
+        openapi_extra=described(Asked, FILES_BODY),
     )
-    async def classify_batch(
-        request: Request, model: str = model_name, top: int | None = top_classes
-    ) -> Response:
+    async def classify_batch(request: Request) -> Response:
         """Classify several meshes: the form fields `file`. Each is answered by a line as soon as it
         and those before it are done; one that cannot be classified says why in its line."""
-        serving.card(model)
+        asked = read_query(request, Asked)
+        model = serving.card(asked.model)["name"]
         uploads = await read_uploads(request, serving.settings.max_request_meshes)
-        futures = await serving.submit(request, [_work(upload, model, top) for upload in uploads])
+        works = [_work(upload, model, asked.top) for upload in uploads]
+        futures = await serving.submit(request, works)
         names = [upload.name for upload in uploads]
         lines = _lines(names, serving.outcomes(request, futures))
         return _Lines(lines, media_type=JSON_LINES)
@@ -83,45 +76,24 @@ def v1_routes(serving: Serving) -> APIRouter:
             200: {"content": {media_type: {"schema": BINARY} for media_type in COLOURED}},
             **problems(406, *WORK_ERRORS),
         },
-        openapi_extra={"requestBody": FILE_BODY},
+        openapi_extra=described(AskedWhy, FILE_BODY),
     )
-    async def explain(
-        request: Request,
-        model: str = model_name,
-        class_: str | None = Query(
-            None, alias="class", description="class to explain; by default the likeliest"
-        ),
-    ) -> Response:
+    async def explain(request: Request) -> Response:
         """Say what each face of one mesh adds to the score of a class.
 
         The header Accept chooses: the mesh in colours, as GLB (the default) or PLY, or the numbers
         as JSON.
         """
-        config = serving.card(model)["config"]
-        explained_class(config["classes"], config["pooling"], class_)
+        asked = read_query(request, AskedWhy)
+        card = serving.card(asked.model)
+        explained_class(card["config"]["classes"], card["config"]["pooling"], asked.label)
         form = _acceptable_form(request)
         upload = await read_upload(request)
-        wanted = Wanted(form, class_)
-        work = Work(model, upload.content, upload.name, upload.declared, wanted=wanted)
+        wanted = Wanted(form, asked.label)
+        work = Work(card["name"], upload.content, upload.name, upload.declared, wanted=wanted)
         record = await serving.record(request, work)
         headers = {"vary": "accept"}
         return Response(record.content, media_type=FORMS[form].media_type, headers=headers)
-
-    @router.get("/limits", responses=problems(401))
-    async def limits() -> dict:
-        """The most that one upload may hold."""
-        settings = serving.settings
-        return {"upload_bytes": settings.max_upload_bytes, **asdict(settings.limits)}
-
-    @router.get("/models", responses=problems(401))
-    async def models() -> dict:
-        """The models that are served, each with its card; the first is the default."""
-        return {"models": list(serving.pool.models.values())}
-
-    @router.get("/models/{name}", responses=problems(401, 404))
-    async def model(name: str) -> dict:
-        """The card of one model."""
-        return serving.card(name)
 
     return router
 
