@@ -12,7 +12,7 @@ from service.batch.budget import Budget
 from service.batch.classifying import Classify, DoneAs, Options, Outcome, classify_entry
 from service.batch.entries import Entry
 from service.batch.ordering import as_they_come, in_order
-from service.workers import Record, Work, WorkerPool
+from service.workers import Record, ThreadedPool, Work
 
 # Files that are read or wait for each worker, so that it never waits for one: the way to an
 # object store takes many times what classifying takes. And how many bytes of them are held.
@@ -68,7 +68,7 @@ class Workers:
     bounded by the number of threads, and by their bytes.
     """
 
-    def __init__(self, pool: WorkerPool, workers: int, ordered: bool) -> None:
+    def __init__(self, pool: ThreadedPool, workers: int, ordered: bool) -> None:
         """ordered: outcomes come in the order of the entries, not as they are done."""
         self._pool = pool
         self._threads = ThreadPoolExecutor(workers * HELD_FOR_EACH, "batch")
@@ -97,4 +97,4 @@ class Workers:
 
     def __exit__(self, *_: object) -> None:
         self._threads.shutdown(wait=False, cancel_futures=True)
-        self._pool.stop()
+        self._pool.close()

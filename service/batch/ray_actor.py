@@ -8,7 +8,7 @@ import pyarrow as pa
 from service.batch.classifying import Options, Outcome
 from service.batch.engines import Workers
 from service.batch.entries import Entry
-from service.workers import Setup, WorkerPool
+from service.workers import Setup, ThreadedPool
 
 OUTCOMES = pa.schema(
     {
@@ -31,7 +31,7 @@ class OneWorker:
 
     def __init__(self, setup: Setup, options: Options) -> None:
         """Raises ModelFileError, SelfTestError or NotStarted."""
-        pool = WorkerPool(setup, 1)
+        pool = ThreadedPool(setup, 1)
         pool.start()
         self._engine = Workers(pool, 1, ordered=True)
         self._options = options

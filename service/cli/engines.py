@@ -18,7 +18,7 @@ from service.cli.shared import load_classifier
 from service.models import Model, ModelFile
 from service.records import ModelId
 from service.settings import Settings
-from service.workers import NotStarted, Setup, WorkerPool, record_of
+from service.workers import NotStarted, Setup, ThreadedPool, record_of
 
 # As many files are classified in this process before worker processes would be ready.
 FEW = 16
@@ -73,11 +73,11 @@ def explaining_engine(
     return _id(classifier.model), Here(classify)
 
 
-def _start_workers(model: str, settings: Settings, pictured: bool) -> WorkerPool:
+def _start_workers(model: str, settings: Settings, pictured: bool) -> ThreadedPool:
     # A worker that a file has ended is that file's record.
     logging.getLogger("service.workers").setLevel(logging.ERROR)
     try:
-        pool = WorkerPool(_setup(ModelFile.read(model), settings, pictured), settings.workers)
+        pool = ThreadedPool(_setup(ModelFile.read(model), settings, pictured), settings.workers)
         pool.start()
     except (ModelFileError, SelfTestError) as error:
         raise click.UsageError(str(error)) from None

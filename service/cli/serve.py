@@ -76,7 +76,7 @@ def serve(**flags: Any) -> None:
     except CannotListen as error:
         raise click.UsageError(str(error)) from None
     finally:
-        pool.stop()
+        pool.close()
 
 
 def _stop(*_: object) -> None:

@@ -1,6 +1,8 @@
 """The app: the routes, and what a request passes on its way to them."""
 
 import importlib.metadata
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from typing import Any
 
 from fastapi import FastAPI
@@ -37,7 +39,7 @@ CORS_ANSWER_HEADERS = (
 def create_app(pool: WorkerPool, admission: Admission, settings: Settings) -> ASGIApp:
     """The service over workers that are warm."""
     serving = Serving(pool, admission, settings, Metrics(pool, admission))
-    routes = _Api(settings)
+    routes = _Api(settings, pool)
     install_problem_handlers(routes)
     for router in (
         *(v1_routes(serving), card_routes(serving), v2_routes(serving), probe_routes(serving)),
@@ -64,8 +66,16 @@ def create_app(pool: WorkerPool, admission: Admission, settings: Settings) -> AS
 class _Api(FastAPI):
     """The routes, and their description."""
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: Settings, pool: WorkerPool) -> None:
+        @asynccontextmanager
+        async def at_work(_: FastAPI) -> AsyncIterator[None]:
+            pool.attach()
+            yield
+            pool.close()
+            await pool.wait_closed()
+
         super().__init__(
+            lifespan=at_work,
             title="MeshConv3D",
             summary="What is this 3D mesh?",
             version=importlib.metadata.version("meshconv3d"),

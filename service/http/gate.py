@@ -2,7 +2,6 @@
 
 import asyncio
 import time
-from concurrent.futures import Future
 
 from starlette.requests import Request
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -13,7 +12,7 @@ from service.http.notes import Notes
 from service.http.problems import full
 from service.http.refusing import refusal_of
 from service.settings import Settings
-from service.workers import Record
+from service.workers import Job
 
 
 class Gate:
@@ -49,7 +48,7 @@ class Gate:
 class Visit:
     """One request on its way through the gate.
 
-    expires: its deadline, on the monotonic clock. futures: the work that it has in the pool.
+    expires: its deadline, on the monotonic clock. jobs: the work that it has in the pool.
     """
 
     def __init__(
@@ -64,7 +63,7 @@ class Visit:
         self._limit = settings.max_upload_bytes
         self._claimed = dict(scope["headers"]).get(b"content-length", b"0")
         self._notes: Notes = scope["state"]["notes"]
-        self.futures: list[Future[Record]] = []
+        self.jobs: list[Job] = []
         self._complete = False
         self._meshes = 0
 
@@ -110,7 +109,7 @@ class Visit:
 
     def take_back(self) -> bool:
         """Drop the work that has not begun. Returns whether there was any."""
-        dropped = [future.cancel() for future in self.futures]
+        dropped = [job.cancel() for job in self.jobs]
         return any(dropped)
 
     def end(self) -> None:

@@ -42,7 +42,7 @@ def run(settings: Settings, pool: WorkerPool) -> None:
             settings.deadline_seconds + CONNECTION_MARGIN, settings.max_connections
         ),
         ws="none",
-        lifespan="off",
+        lifespan="on",
         timeout_keep_alive=KEEP_ALIVE_SECONDS,
         server_header=False,
         headers=SECURITY_HEADERS,

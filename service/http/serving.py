@@ -2,7 +2,6 @@
 
 import traceback
 from collections.abc import AsyncIterator, Awaitable, Sequence
-from concurrent.futures import Future
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,7 +15,7 @@ from service.http.notes import notes_of
 from service.http.problems import reason
 from service.http.waiting import result_of
 from service.settings import Settings
-from service.workers import Record, Work, WorkerPool
+from service.workers import Job, Record, Work, WorkerPool
 
 # A mesh's record, or why it has none.
 Outcome = Record | Exception
@@ -47,13 +46,13 @@ class Serving:
 
     async def record(self, request: Request, work: Work) -> Record:
         """Classify the one mesh of a request. Raises what `WorkerPool.submit` says, or Full."""
-        futures = await self.submit(request, [work])
-        [outcome] = [outcome async for outcome in self.outcomes(request, futures)]
+        jobs = await self.submit(request, [work])
+        [outcome] = [outcome async for outcome in self.outcomes(request, jobs)]
         if isinstance(outcome, Exception):
             raise outcome
         return outcome
 
-    async def submit(self, request: Request, works: Sequence[Work]) -> list[Future[Record]]:
+    async def submit(self, request: Request, works: Sequence[Work]) -> list[Job]:
         """Queue all meshes of a request. What has not begun when it ends is taken back.
 
         Raises Full, and then none is queued.
@@ -62,21 +61,19 @@ class Serving:
         visit.take_on(len(works) - 1)
         for work in works:
             await notes_of(request).add_content(work.content)
-        visit.futures += [self.pool.submit(work, visit.expires) for work in works]
-        return visit.futures
+        visit.jobs += [self.pool.submit(work, visit.expires) for work in works]
+        return visit.jobs
 
-    async def outcomes(
-        self, request: Request, futures: Sequence[Future[Record]]
-    ) -> AsyncIterator[Outcome]:
+    async def outcomes(self, request: Request, jobs: Sequence[Job]) -> AsyncIterator[Outcome]:
         """What became of each mesh that was queued, in order. Raises ClientDisconnect."""
         visit: Visit = request.state.visit
         notes = notes_of(request)
         outcome: Outcome | None = None
-        for number, future in enumerate(futures):
+        for number, job in enumerate(jobs):
             if number and await request.is_disconnected():
                 raise ClientDisconnect
             if not isinstance(outcome, Full):  # the service ends: no more will come
-                outcome = await _outcome(result_of(future, request))
+                outcome = await _outcome(result_of(job, request))
             visit.finish()
             if isinstance(outcome, Exception):
                 notes.outcomes.append(reason(outcome).fault)

@@ -64,9 +64,9 @@ def v1_routes(serving: Serving) -> APIRouter:
         model = serving.card(asked.model)["name"]
         uploads = await read_uploads(request, serving.settings.max_request_meshes)
         works = [_work(upload, model, asked.top) for upload in uploads]
-        futures = await serving.submit(request, works)
+        jobs = await serving.submit(request, works)
         names = [upload.name for upload in uploads]
-        lines = _lines(names, serving.outcomes(request, futures))
+        lines = _lines(names, serving.outcomes(request, jobs))
         return _Lines(lines, media_type=JSON_LINES)
 
     @router.post(

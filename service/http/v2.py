@@ -79,9 +79,9 @@ def v2_routes(serving: Serving) -> APIRouter:
             request.headers.get(JSON_LENGTH),
             serving.settings.max_request_meshes,
         )
-        futures = await serving.submit(request, _works(name, tensors))
+        jobs = await serving.submit(request, _works(name, tensors))
         records = []
-        async for outcome in serving.outcomes(request, futures):
+        async for outcome in serving.outcomes(request, jobs):
             if isinstance(outcome, MeshError):
                 detail = f"mesh[{len(records)}]: {outcome.fault}: {outcome}"
                 return problem(request, STATUSES[type(outcome)], outcome.fault, detail)

@@ -2,19 +2,18 @@
 
 import asyncio
 import time
-from concurrent.futures import Future
 
 from starlette.requests import ClientDisconnect, Request
 
 from service.http.admission import Full
 from service.http.gate import Visit
-from service.workers import DeadlineExceeded, Record
+from service.workers import DeadlineExceeded, Job, Record
 
 # How often it is asked whether the client is still there, in seconds.
 POLL_SECONDS = 0.25
 
 
-async def result_of(future: Future[Record], request: Request) -> Record:
+async def result_of(job: Job, request: Request) -> Record:
     """The result of work that a request has in the pool.
 
     Work that has not begun is dropped when its deadline has passed, and all of the request's when
@@ -25,21 +24,21 @@ async def result_of(future: Future[Record], request: Request) -> Record:
     ends before.
     """
     try:
-        return await _result_of(future, request)
+        return await _result_of(job, request)
     except asyncio.CancelledError:
         raise Full("the service was stopped", 1, pause=0.0) from None
 
 
-async def _result_of(future: Future[Record], request: Request) -> Record:
+async def _result_of(job: Job, request: Request) -> Record:
     visit: Visit = request.state.visit
-    answer = asyncio.wrap_future(future)
+    answer = job.future
     while not answer.done():
         left = visit.expires - time.monotonic()
         await asyncio.wait({answer}, timeout=max(min(left, POLL_SECONDS), 0.0))
         if answer.done():
             break
         if time.monotonic() >= visit.expires:
-            if future.cancel():
+            if job.cancel():
                 raise DeadlineExceeded
             break
         if await request.is_disconnected() and visit.take_back():

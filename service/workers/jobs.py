@@ -1,11 +1,8 @@
 """Work that waits for a worker, in order."""
 
-import queue
-import threading
+import asyncio
 import time
 from collections import deque
-from concurrent.futures import Future
-from contextlib import suppress
 
 from service.workers.tasks import Record, Work
 
@@ -18,11 +15,34 @@ class Job:
         self.work: Work | None = work
         self.queued = time.perf_counter()
         self.expires = expires
-        self.future: Future[Record] = Future()
+        self.future: asyncio.Future[Record] = asyncio.get_running_loop().create_future()
         self.future.add_done_callback(self._forget)
+        self._begun = False
 
-    def _forget(self, _: Future[Record]) -> None:
-        self.work = None  # what was cancelled may stay in the queue for long, its bytes may not
+    def begin(self) -> bool:
+        """Say that it is done now, and cannot be cancelled any more. False if it was before."""
+        self._begun = not self.future.done()
+        return self._begun
+
+    def cancel(self) -> bool:
+        """Have it not done. False if it is too late for that."""
+        if self._begun or self.future.done():
+            return False
+        return self.future.cancel()
+
+    def answer(self, record: Record) -> None:
+        """Tell whoever waits for it."""
+        if not self.future.done():
+            self.future.set_result(record)
+
+    def fail(self, error: Exception) -> None:
+        """Tell whoever waits for it why there is no record."""
+        if not self.future.done():
+            self.future.set_exception(error)
+            self.future.exception()  # it is no fault if nobody waits any more
+
+    def _forget(self, _: asyncio.Future[Record]) -> None:
+        self.work = None  # what is cancelled may stay in the queue for long, its bytes may not
 
 
 class Jobs:
@@ -30,64 +50,58 @@ class Jobs:
 
     def __init__(self) -> None:
         self._jobs: deque[Job] = deque()
-        # One for each job: whoever has it may take one.
-        self._permits: queue.SimpleQueue[None] = queue.SimpleQueue()
-        self._idle: set[int] = set()
+        # Those who wait for work; there is none as long as there are any.
+        self._idle: deque[asyncio.Future[Job | None]] = deque()
         self._closed = False
 
     def put(self, job: Job) -> None:
         """Queue it behind all others."""
-        self._jobs.append(job)
-        self._permit()
+        if not self._handed(job):
+            self._jobs.append(job)
 
     def put_back(self, job: Job) -> None:
         """Queue it before all others."""
-        self._jobs.appendleft(job)
-        self._permit()
+        if not self._handed(job):
+            self._jobs.appendleft(job)
 
-    def _permit(self) -> None:
-        self._permits.put(None)
+    def _handed(self, job: Job) -> bool:
+        """Whether there is somebody who takes it at once, or nobody who ever will."""
         if self._closed:
-            self._cancel_all()
+            job.cancel()
+        elif self._idle:
+            self._idle.popleft().set_result(job)
+        else:
+            return False
+        return True
 
-    @property
-    def idle(self) -> bool:
-        """Whether somebody waits for work."""
-        return bool(self._idle)
-
-    def take(self, seconds: float) -> Job | None:
-        """The first, which is waited for so long."""
-        thread = threading.get_ident()
-        self._idle.add(thread)
+    async def take(self, seconds: float) -> Job | None:
+        """The first, which is waited for so long; None where there is none."""
+        if self._jobs:
+            return self._jobs.popleft()
+        found = asyncio.get_running_loop().create_future()
+        self._idle.append(found)
         try:
-            self._permits.get(timeout=seconds)
-        except queue.Empty:
-            return None
+            await asyncio.wait((found,), timeout=seconds)
         finally:
-            self._idle.discard(thread)
-        return self._jobs.popleft()
+            if not found.done():
+                self._idle.remove(found)
+        return found.result() if found.done() else None
 
     def take_ahead(self, most_bytes: int) -> Job | None:
-        """The first, if it has so few bytes, and nobody is there to begin with it at once."""
-        if self.idle or not self._jobs:
-            return None
-        try:
-            self._permits.get_nowait()
-        except queue.Empty:
-            return None
-        job = self._jobs.popleft()
-        if job.work is not None and job.work.size > most_bytes:
-            self.put_back(job)
-            return None
-        return job
+        """The first, if it has so few bytes."""
+        while self._jobs:
+            work = self._jobs[0].work
+            if work is not None and work.size > most_bytes:
+                return None
+            job = self._jobs.popleft()
+            if work is not None:
+                return job
+        return None
 
     def close(self) -> None:
         """Cancel all that is here, and all that still comes or comes back."""
         self._closed = True
-        self._cancel_all()
-
-    def _cancel_all(self) -> None:
-        with suppress(queue.Empty):
-            while True:
-                self._permits.get_nowait()
-                self._jobs.popleft().future.cancel()
+        while self._jobs:
+            self._jobs.popleft().cancel()
+        while self._idle:
+            self._idle.popleft().set_result(None)

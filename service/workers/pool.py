@@ -1,16 +1,20 @@
 """Workers that are kept alive and warm, and handed meshes one by one, in order."""
 
-from concurrent.futures import Future
+import asyncio
+from concurrent.futures import wait
 from typing import Any
 
 from export.metadata import ModelFileError
 from service.workers.jobs import Job, Jobs
 from service.workers.seat import Seat
-from service.workers.tasks import Record, Setup, Work
+from service.workers.tasks import Setup, Work
+from service.workers.worker import start_worker
 
 # How long a pool that is stopped as it starts waits for what its workers are just being told: they
 # would complain of the rest. In seconds.
 START_SECONDS = 5.0
+# How long to wait for seats that are told of the end, in seconds.
+CLOSE_SECONDS = 1.0
 
 
 class WorkerPool:
@@ -18,40 +22,51 @@ class WorkerPool:
 
     >>> pool = WorkerPool(Setup([ModelFile.read("shrec11")], Limits(), 2**31, 30), workers=2)
     >>> pool.start()
-    >>> pool.submit(Work("shrec11", content, None, "obj"), time.monotonic() + 30).result().content
+    >>> async def classify() -> Record:
+    ...     pool.attach()
+    ...     return await pool.submit(Work("shrec11", content, None, "obj")).future
     """
 
     def __init__(self, setup: Setup, workers: int) -> None:
+        self._setup = setup
+        self._workers = workers
         self._jobs = Jobs()
-        self._seats = [Seat(setup, self._jobs) for _ in range(workers)]
+        self._seats: list[Seat] = []
+        self._tasks: list[asyncio.Task[None]] = []
         self.models: dict[str, dict[str, Any]] = {}
 
     def start(self) -> None:
         """Start all workers and wait until they are warm; then `models` says what they serve.
 
         Raises ModelFileError or SelfTestError for a model that cannot serve, and for two of one
-        name.
+        name; NotStarted.
         """
-        for seat in self._seats:
-            seat.start()
+        starting = [start_worker(self._setup) for _ in range(self._workers)]
         try:
-            for seat in self._seats:
-                self.models = _by_name(seat.warm.result())
+            for started in starting:
+                self.models = _by_name(started.result().models)
         except BaseException:
-            self.stop()
+            for started in wait(starting, START_SECONDS).done:
+                if started.exception() is None:
+                    started.result().end()
             raise
+        self._seats = [Seat(self._setup, self._jobs, each.result()) for each in starting]
 
-    def submit(self, work: Work, expires: float | None = None) -> Future[Record]:
+    def attach(self) -> None:
+        """Have the event loop that runs, and no other, hand work to the workers."""
+        self._tasks = [asyncio.create_task(seat.run()) for seat in self._seats]
+
+    def submit(self, work: Work, expires: float | None = None) -> Job:
         """Queue one mesh, to be classified by `expires` on the monotonic clock; with None, within
         the setup's seconds of when a worker begins with it.
 
-        The future gives a record, with `queue` among its timings, or raises MeshError,
+        The job's future gives a record, with `queue` among its timings, or raises MeshError,
         DeadlineExceeded or TaskFailed. Work that waits can be cancelled, and is forgotten at once;
         what runs, runs on to its deadline: to end it costs more than to finish it.
         """
         job = Job(work, expires)
         self._jobs.put(job)
-        return job.future
+        return job
 
     @property
     def alive(self) -> int:
@@ -63,13 +78,19 @@ class WorkerPool:
         """How many workers were replaced so far."""
         return sum(seat.restarts for seat in self._seats)
 
-    def stop(self) -> None:
-        """End all workers at once, whatever they run; work that waits is cancelled."""
+    def close(self) -> None:
+        """End all workers at once, whatever they run; work that waits is cancelled.
+
+        In the event loop that they are attached to, if there is one.
+        """
         self._jobs.close()
         for seat in self._seats:
             seat.close()
-        for seat in self._seats:
-            seat.wait_while_starting(START_SECONDS)
+
+    async def wait_closed(self) -> None:
+        """Wait until nothing is left of a pool that was closed."""
+        if self._tasks:
+            await asyncio.wait(self._tasks, timeout=CLOSE_SECONDS)
 
 
 def _by_name(models: list[dict[str, Any]]) -> dict[str, dict[str, Any]]:

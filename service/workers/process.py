@@ -1,15 +1,16 @@
-"""The inside of a worker process: work comes in by a pipe, and what became of it goes out."""
+"""The inside of a worker process: work comes in by a socket, and what became of it goes out."""
 
+import socket
 from ctypes import c_uint64
-from multiprocessing.connection import Connection
 
+from service.workers.frames import framed, read_frame
 from service.workers.tasks import Setup, classify, too_much_memory, warm_up
 
 # Under which number the first answer goes out; work is numbered from 1, as it comes.
 WARM_UP = 0
 
 
-def run(pipe: Connection, begun: c_uint64, taken_back: c_uint64, setup: Setup) -> None:
+def run(pipe: socket.socket, begun: c_uint64, taken_back: c_uint64, setup: Setup) -> None:
     """Warm up, then classify what comes, until nobody is at the other end.
 
     Every answer is a number, and an error and None, or None and a value; the first is that of
@@ -18,19 +19,24 @@ def run(pipe: Connection, begun: c_uint64, taken_back: c_uint64, setup: Setup) -
     to be done elsewhere. Each is written before the other is read, here as there: it may be left
     undone on both ends, which this one tells, but is not done on both.
     """
+
+    def answer(number: int, error: Exception | None, value: object) -> None:
+        pipe.sendall(b"".join(framed((number, error, value))))
+
     try:
-        pipe.send((WARM_UP, None, warm_up(setup)))
+        answer(WARM_UP, None, warm_up(setup))
     except Exception as error:
-        pipe.send((WARM_UP, error, None))
+        answer(WARM_UP, error, None)
         return
+    stream = pipe.makefile("rb")
     while True:
         try:
-            work = pipe.recv()
-        except EOFError:
+            work = read_frame(stream)
+        except (EOFError, OSError):
             return
         except MemoryError:
-            # Half of it was taken off the pipe, which is of no use any more.
-            pipe.send((begun.value + 1, too_much_memory(), None))
+            # Half of it was taken off the stream, which is of no use any more.
+            answer(begun.value + 1, too_much_memory(), None)
             return
         begun.value += 1
         number = begun.value
@@ -40,4 +46,4 @@ def run(pipe: Connection, begun: c_uint64, taken_back: c_uint64, setup: Setup) -
                 value = classify(work)
             except Exception as raised:
                 error = raised
-        pipe.send((number, error, value))
+        answer(number, error, value)

@@ -1,16 +1,14 @@
-"""What keeps one worker at work: a thread, which replaces it when it dies."""
+"""What keeps one worker at work, and replaces it when it dies."""
 
+import asyncio
 import dataclasses
 import logging
-import threading
 import time
-from concurrent.futures import Future
 from contextlib import suppress
-from typing import Any
 
 from service.workers.jobs import Job, Jobs
 from service.workers.tasks import Record, Setup, Work
-from service.workers.worker import HANDED_AT_ONCE, DeadlineExceeded, NotStarted, Worker, crashed
+from service.workers.worker import DeadlineExceeded, NotStarted, Worker, crashed, start_worker
 
 log = logging.getLogger(__name__)
 
@@ -23,61 +21,50 @@ ATTEMPTS = 2
 # So long, in seconds, work that was handed over ahead waits for the one before it. Then that one
 # takes its time, and another worker may be free before it is done.
 AHEAD_SECONDS = 0.05
+# Larger work is not handed over ahead: what is taken back was brought over for nothing.
+AHEAD_BYTES = 64 * 1024
 
 
-class Seat(threading.Thread):
+class Seat:
     """Takes work from the queue for one worker, and a new worker for one that died.
 
-    A worker that has answered would wait for this thread, and this thread for all others of a busy
+    A worker that has answered would wait for the event loop, and that for all else of a busy
     service. So it is handed its next work while it does the one before.
-
-    warm: what the models of the first worker say of themselves, or why it did not start.
     """
 
-    def __init__(self, setup: Setup, jobs: Jobs) -> None:
-        super().__init__(daemon=True, name="worker-seat")
+    def __init__(self, setup: Setup, jobs: Jobs, worker: Worker) -> None:
         self._setup = setup
         self._jobs = jobs
-        self._worker: Worker | None = None
+        self._worker = worker
         # What the worker is to do next, and the number under which it has it.
         self._ahead: tuple[Job, int] | None = None
-        self.warm: Future[list[dict[str, Any]]] = Future()
-        self.closing = threading.Event()
+        self._closing = False
         self.restarts = 0
 
     @property
     def alive(self) -> bool:
         """Whether there is a worker, and it is warm."""
-        return self._worker is not None and self._worker.alive
+        return self._worker.alive
 
     def close(self) -> None:
         """Take no more work, and lose what the worker has in hand."""
-        self.closing.set()
-        if self._worker is not None:
-            self._worker.kill()
-
-    def wait_while_starting(self, seconds: float) -> None:
-        """Wait until the first worker is there, or is not to be."""
-        if self.is_alive() and not self.warm.done():
-            self.join(seconds)
-
-    def run(self) -> None:
-        """Keep a worker at work until the seat is closed."""
-        try:
-            self._worker = Worker(self._setup)
-        except Exception as error:
-            self.warm.set_exception(error)
-            return
-        self.warm.set_result(self._worker.models)
-        while not self.closing.is_set():
-            self._do_next(self._worker)
-            self._worker = self._living(self._worker)
+        self._closing = True
         self._worker.end()
-        self._put_back_ahead()
 
-    def _do_next(self, worker: Worker) -> None:
+    async def run(self) -> None:
+        """Keep the worker at work until the seat is closed."""
+        await self._worker.attach()
+        try:
+            while not self._closing:
+                await self._do_next(self._worker)
+                self._worker = await self._living(self._worker)
+        finally:
+            self._worker.end()
+            self._put_back_ahead()
+
+    async def _do_next(self, worker: Worker) -> None:
         """Wait for a piece of work, and do it."""
-        job, number = self._ahead or (self._jobs.take(CHECK_SECONDS), None)
+        job, number = self._ahead or (await self._jobs.take(CHECK_SECONDS), None)
         self._ahead = None
         if job is None:
             if not worker.alive:
@@ -86,23 +73,22 @@ class Seat(threading.Thread):
         expires = job.expires
         if expires is None:
             expires = time.monotonic() + self._setup.seconds
-        if not job.future.set_running_or_notify_cancel():
-            if number is not None:
-                self._drop(worker, number, expires)
-            return
         work = job.work
-        assert work is not None
+        if work is None or not job.begin():
+            if number is not None:
+                await self._drop(worker, number, expires)
+            return
         waited = round((time.perf_counter() - job.queued) * 1000, 3)
         try:
-            record = self._classify(work, expires, worker, number)
+            record = await self._classify(work, expires, worker, number)
         except Exception as error:
             # Its traceback would keep this frame, with all the bytes, and the frame the error.
-            job.future.set_exception(error.with_traceback(None))
+            job.fail(error.with_traceback(None))
         else:
             timings = {"queue": waited, **record.timings_ms}
-            job.future.set_result(dataclasses.replace(record, timings_ms=timings))
+            job.answer(dataclasses.replace(record, timings_ms=timings))
 
-    def _drop(self, worker: Worker, number: int, expires: float) -> None:
+    async def _drop(self, worker: Worker, number: int, expires: float) -> None:
         """See that the worker is free of work for which nobody waits any more.
 
         What it has begun, it goes on with: that is waited for, for it would take its time from
@@ -110,9 +96,11 @@ class Seat(threading.Thread):
         """
         if not worker.take_back(number):
             with suppress(Exception):
-                self._answer(worker, number, expires)
+                await self._answer(worker, number, expires)
 
-    def _classify(self, work: Work, expires: float, worker: Worker, number: int | None) -> Record:
+    async def _classify(
+        self, work: Work, expires: float, worker: Worker, number: int | None
+    ) -> Record:
         """The record of work that the worker has under a number, or with None, is yet to be given.
 
         A worker that dies before it begins has a successor. Raises MeshError, of which a crash is
@@ -122,26 +110,26 @@ class Seat(threading.Thread):
             if time.monotonic() >= expires and (number is None or worker.take_back(number)):
                 raise DeadlineExceeded
             if number is None:
-                number = worker.hand_over(work, expires)
+                number = worker.hand_over(work)
             try:
-                return self._answer(worker, number, expires)
+                return await self._answer(worker, number, expires)
             except NotStarted:
-                self._worker = worker = self._living(worker)
+                self._worker = worker = await self._living(worker)
                 number = None
         raise crashed("twice, as it was handed over")
 
-    def _answer(self, worker: Worker, number: int, expires: float) -> Record:
+    async def _answer(self, worker: Worker, number: int, expires: float) -> Record:
         """The answer to what the worker does now, which is handed what it is to do next."""
-        next_job = self._jobs.take_ahead(HANDED_AT_ONCE)
+        next_job = self._jobs.take_ahead(AHEAD_BYTES)
         if next_job is not None:
-            if (work := next_job.work) is not None:
-                self._ahead = next_job, worker.hand_over(work, expires)
+            assert next_job.work is not None
+            self._ahead = next_job, worker.hand_over(next_job.work)
             try:
-                return worker.answer(number, min(expires, time.monotonic() + AHEAD_SECONDS))
+                return await worker.answer(number, min(expires, time.monotonic() + AHEAD_SECONDS))
             except TimeoutError:
                 self._take_back_ahead(worker)
         try:
-            return worker.answer(number, expires)
+            return await worker.answer(number, expires)
         except TimeoutError:
             worker.end()
             raise DeadlineExceeded from None
@@ -158,18 +146,19 @@ class Seat(threading.Thread):
             self._ahead = None
             self._jobs.put_back(job)
 
-    def _living(self, worker: Worker) -> Worker:
+    async def _living(self, worker: Worker) -> Worker:
         """The worker itself, or if it died, a new one.
 
         One that had begun with what was to be next is asked for that first: it may have answered,
         or died of it.
         """
-        while worker.ended and not self.closing.is_set() and self._take_back_ahead(worker):
+        while worker.ended and not self._closing and self._take_back_ahead(worker):
             try:
-                worker = Worker(self._setup)
+                worker = await asyncio.wrap_future(start_worker(self._setup))
+                await worker.attach()
                 self.restarts += 1
                 log.warning("a worker ended, and another has taken its place")
             except Exception as error:
                 log.error("a worker does not start, which is tried again: %s", error)
-                self.closing.wait(RETRY_SECONDS)
+                await asyncio.sleep(RETRY_SECONDS)
         return worker

@@ -1,29 +1,31 @@
 """One worker process, behind calls that wait for it."""
 
+import asyncio
 import ctypes
 import multiprocessing
 import os
-import select
 import signal
+import socket
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from concurrent.futures import Future
+from contextlib import contextmanager
 from multiprocessing import resource_tracker
 from multiprocessing.context import ForkServerContext
 from typing import Any
 
 from model.errors import UnusableMesh
+from service.workers.frames import LENGTH, framed, read_frame, value_of
 from service.workers.process import WARM_UP, run
 from service.workers.tasks import Record, Setup, Work
 
 # Compiling the kernels, where no compiled ones are at hand, takes ten seconds.
 WARM_UP_SECONDS = 300.0
-# A pipe takes three times this much: what was taken back and is still in it, what is to be done,
-# and what is to be done next. To hand over more can take as long as the worker likes.
-HANDED_AT_ONCE = 64 * 1024
 # How long the system may take to tell how a process ended.
 EXIT_SECONDS = 1.0
+# Of answers, which are records or meshes in colours, so much is read ahead of being asked for.
+BUFFERED_BYTES = 1024 * 1024
 
 
 class DeadlineExceeded(Exception):
@@ -39,26 +41,25 @@ class Worker:
 
     Libraries of process pools hand work on through threads and locks of their own, which costs as
     much as the rest of a request, and share pipes that one killed worker breaks for all. Here each
-    worker has a pipe to the one thread that waits for it.
+    worker has a socket to the event loop that waits for it.
 
     models: what each model says of itself. ended: whether it was seen to be dead, or ended;
     `alive`: whether it can be given work, which costs more to know.
     """
 
     def __init__(self, setup: Setup) -> None:
-        """Start the process and wait until it is warm.
+        """Start the process and wait until it is warm, which takes no event loop.
 
         Raises ModelFileError or SelfTestError for a model that cannot serve, NotStarted where the
         process does not live to tell.
         """
         context = _context()
         self.ended = False
-        self._pipe, theirs = context.Pipe()
-        # The calls of a connection that wait for it make a new one of these each time.
-        self._answers = select.poll()
-        self._answers.register(self._pipe, select.POLLIN)
+        self._socket, theirs = socket.socketpair()
+        self._reader: asyncio.StreamReader
+        self._writer: asyncio.StreamWriter | None = None
+        self._length: int | None = None  # of the answer whose first bytes have come
         self._sent = 0
-        self._overran = False
         self._begun = context.RawValue(ctypes.c_uint64)
         self._taken_back = context.RawValue(ctypes.c_uint64)
         arguments = (theirs, self._begun, self._taken_back, setup)
@@ -67,10 +68,12 @@ class Worker:
             with _signals_held():
                 self._process.start()
         except OSError as error:  # it was gone before it had read what it is to do
+            self._socket.close()
             raise _not_started(error) from None
-        theirs.close()
+        finally:
+            theirs.close()
         try:
-            self.models: list[dict[str, Any]] = self._answer(WARM_UP, WARM_UP_SECONDS)
+            self.models: list[dict[str, Any]] = self._warm_up()
         except (EOFError, OSError) as error:  # of which TimeoutError is one
             self.end()
             raise _not_started(error) from None
@@ -78,35 +81,35 @@ class Worker:
             self.end()
             raise
 
+    def _warm_up(self) -> list[dict[str, Any]]:
+        self._socket.settimeout(WARM_UP_SECONDS)
+        with self._socket.makefile("rb") as stream:
+            number, error, models = read_frame(stream)
+        assert number == WARM_UP
+        if error is not None:
+            raise error
+        return models
+
+    async def attach(self) -> None:
+        """Be handed work by the event loop that runs, and no other."""
+        self._reader, self._writer = await asyncio.open_unix_connection(
+            sock=self._socket, limit=BUFFERED_BYTES
+        )
+
     @property
     def alive(self) -> bool:
         return not self.ended and self._process.is_alive()
 
-    def hand_over(self, work: Work, expires: float) -> int:
+    def hand_over(self, work: Work) -> int:
         """Give it work, after what it has; the number to ask for the answer under.
 
-        A process that does not take it by `expires`, on the monotonic clock, is killed. One that is
-        dead is found out when it is asked.
+        A process that is dead is found out when it is asked.
         """
+        assert self._writer is not None
         self._sent += 1
-        with suppress(OSError):
-            if work.size <= HANDED_AT_ONCE:
-                self._pipe.send(work)
-            else:
-                self._hand_over_in_time(work, expires)
+        if not self._writer.is_closing():
+            self._writer.writelines(framed(work))
         return self._sent
-
-    def _hand_over_in_time(self, work: Work, expires: float) -> None:
-        watch = threading.Timer(expires - time.monotonic(), self._overrun)
-        watch.start()
-        try:
-            self._pipe.send(work)
-        finally:
-            watch.cancel()
-
-    def _overrun(self) -> None:
-        self._overran = True
-        self.kill()
 
     def take_back(self, number: int) -> bool:
         """Ask for this work not to be done. Returns False if it is too late for that: it has begun.
@@ -116,32 +119,27 @@ class Worker:
         self._taken_back.value = number
         return self._begun.value < number
 
-    def answer(self, number: int, until: float) -> Record:
+    async def answer(self, number: int, until: float) -> Record:
         """The answer to this work; those before it that were not asked for are dropped.
 
         Raises the error that it is: MeshError, of which a crash is one, or TaskFailed;
-        TimeoutError where there is none by `until`, on the monotonic clock; DeadlineExceeded,
-        NotStarted.
+        TimeoutError where there is none by `until`, on the monotonic clock; NotStarted.
         """
         try:
-            return self._answer(number, until - time.monotonic())
+            async with asyncio.timeout(until - time.monotonic()):
+                return await self._answer(number)
         except TimeoutError:
             raise
         except (EOFError, OSError):
             self.end()
-            if self._overran:
-                raise DeadlineExceeded from None
             if self._begun.value < number:
                 raise NotStarted from None
-            raise crashed(self._how_it_ended()) from None
+            raise crashed(await asyncio.to_thread(self._how_it_ended)) from None
 
-    def _answer(self, wanted: int, seconds: float) -> Any:
-        """The answer of a number. Raises the error that it is, TimeoutError, EOFError, OSError."""
-        if self.ended:  # the system may have given the number of its pipe to another by now
-            raise EOFError
-        ends = time.monotonic() + seconds
-        while self._answers.poll(max(ends - time.monotonic(), 0.0) * 1000):
-            number, error, value = self._pipe.recv()
+    async def _answer(self, wanted: int) -> Record:
+        """The answer of a number. Raises the error that it is, EOFError, OSError."""
+        while True:
+            number, error, value = await self._next_answer()
             if number != wanted:
                 continue
             if error is not None:
@@ -149,23 +147,52 @@ class Worker:
             if value is None:
                 raise NotStarted
             return value
-        raise TimeoutError
+
+    async def _next_answer(self) -> tuple[int, Exception | None, Record | None]:
+        """Whoever waits for it may give up between the two reads."""
+        length = self._length
+        if length is None:
+            (length,) = LENGTH.unpack(await self._reader.readexactly(LENGTH.size))
+            self._length = length
+        content = await self._reader.readexactly(length)
+        self._length = None
+        return value_of(content)
 
     def _how_it_ended(self) -> str:
         self._process.join(EXIT_SECONDS)
         code = self._process.exitcode
         return f"signal {-code}" if code is not None and code < 0 else f"exit code {code}"
 
-    def kill(self) -> None:
-        """Kill the process, whatever it does. From any thread: whoever waits for it is told."""
-        self._process.kill()
-
     def end(self) -> None:
-        """Kill the process, and give its pipe back."""
+        """Kill the process, whatever it does, and give its socket back.
+
+        From the loop that it is attached to: whoever waits for an answer is told.
+        """
         if not self.ended:
             self.ended = True
-            self.kill()
-            self._pipe.close()
+            self._process.kill()
+            if self._writer is None:
+                self._socket.close()
+            else:
+                self._writer.close()
+
+
+def start_worker(setup: Setup) -> Future[Worker]:
+    """A new worker, or what `Worker` raises.
+
+    In a thread for which nobody has to wait where the service ends meanwhile.
+    """
+    started: Future[Worker] = Future()
+    started.set_running_or_notify_cancel()
+
+    def start() -> None:
+        try:
+            started.set_result(Worker(setup))
+        except Exception as error:
+            started.set_exception(error)
+
+    threading.Thread(target=start, daemon=True, name="worker-start").start()
+    return started
 
 
 def _context() -> ForkServerContext:

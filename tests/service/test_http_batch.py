@@ -5,7 +5,7 @@ import json
 import time
 import traceback
 from collections.abc import Callable, MutableMapping
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ from model.samples import sample_paths
 from service.http.admission import Admission
 from service.http.app import create_app
 from service.settings import Settings
-from service.workers import Record, Setup, Work, WorkerPool
+from service.workers import Job, Record, Setup, Work, WorkerPool
 from tests.processes import held, until, workers
 from tests.service.conftest import Service
 from tests.service.test_http_problems import problem_of
@@ -122,11 +122,11 @@ class PatientPool(WorkerPool):
     def __init__(self) -> None:
         super().__init__(Setup((), Limits(), memory_bytes=0, seconds=1.0), workers=0)
         self.models = {"any": {"name": "any", "sha256": "0" * 64}}
-        self.futures: list[Future[Record]] = []
+        self.jobs: list[Job] = []
 
-    def submit(self, work: Work, expires: float) -> Future[Record]:
-        self.futures.append(Future())
-        return self.futures[-1]
+    def submit(self, work: Work, expires: float | None = None) -> Job:
+        self.jobs.append(Job(work, expires))
+        return self.jobs[-1]
 
 
 class Played:
@@ -149,12 +149,12 @@ class Played:
         await self.app(scope, self._receive, self._send)
 
     async def begun(self) -> None:
-        while len(self.pool.futures) < 3:
+        while len(self.pool.jobs) < 3:
             await anyio.sleep(0.01)
 
     def finish(self, number: int) -> None:
         record = Record(b"%d" % number, {}, "any", None, NOTHING, NOTHING)
-        self.pool.futures[number].set_result(record)
+        self.pool.jobs[number].answer(record)
 
     async def _receive(self) -> dict:
         if not self._asked:
@@ -190,15 +190,15 @@ def test_errors_of_a_batch_keep_nothing_of_it() -> None:
         async with anyio.create_task_group() as group:
             group.start_soon(played.run)
             await played.begun()
-            for future, error in zip(played.pool.futures, errors, strict=True):
-                future.set_exception(error)
+            for job, error in zip(played.pool.jobs, errors, strict=True):
+                job.fail(error)
         assert b"".join(played.sent).count(b"no-faces") == 3
 
     anyio.run(play)
     for error in errors:
         passed = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
         held_by_it = [value for frame in passed for value in frame.f_locals.values()]
-        assert not any(isinstance(value, Request | Future) for value in held_by_it)
+        assert not any(isinstance(value, Request | Job) for value in held_by_it)
 
 
 @pytest.mark.parametrize("running", [False, True])
@@ -210,16 +210,16 @@ def test_who_leaves_midway_is_told_apart(caplog: pytest.LogCaptureFixture, runni
         async with anyio.create_task_group() as group:
             group.start_soon(played.run)
             await played.begun()
-            futures = played.pool.futures
+            jobs = played.pool.jobs
             played.finish(0)
             if running:
-                futures[1].set_running_or_notify_cancel()
+                jobs[1].begin()
             played.leaves.set()
-            while not futures[2].cancelled():
+            while not jobs[2].future.cancelled():
                 await anyio.sleep(0.01)
             if running:
                 played.finish(1)
-            assert futures[1].cancelled() != running
+            assert jobs[1].future.cancelled() != running
 
     anyio.run(play)
     line = caplog.records[-1]

@@ -2,7 +2,6 @@
 
 import socket
 from collections.abc import Iterator
-from concurrent.futures import Future
 from pathlib import Path
 
 import anyio
@@ -13,7 +12,7 @@ from model.loading import Limits
 from service.http.admission import Admission
 from service.http.app import create_app
 from service.settings import Settings
-from service.workers import Record, Setup, Work, WorkerPool
+from service.workers import Job, Setup, Work, WorkerPool
 from service.workers.tasks import TaskFailed
 from tests.service.conftest import LIMIT, Service
 
@@ -152,10 +151,10 @@ class FailingPool(WorkerPool):
         super().__init__(setup, workers=0)
         self.models = {"any": {"name": "any", "sha256": "0" * 64}}
 
-    def submit(self, work: Work, expires: float) -> Future[Record]:
-        future: Future[Record] = Future()
-        future.set_exception(TaskFailed("at a secret place"))
-        return future
+    def submit(self, work: Work, expires: float | None = None) -> Job:
+        job = Job(work, expires)
+        job.fail(TaskFailed("at a secret place"))
+        return job
 
 
 def test_an_unforeseen_failure_hides_its_reason_and_names_the_request() -> None:

@@ -22,7 +22,7 @@ from model.loading import Limits
 from service.classifier import Classifier
 from service.models import ModelFile
 from service.records import answer
-from service.workers import DeadlineExceeded, NotStarted, Record, Setup, Work, WorkerPool
+from service.workers import DeadlineExceeded, NotStarted, Record, Setup, ThreadedPool, Work
 from tests.processes import held, until, workers
 
 MEMORY = 2**30
@@ -52,19 +52,19 @@ def soon() -> float:
 
 
 @contextmanager
-def opened(model_file: Path, count: int) -> Iterator[tuple[WorkerPool, list[int]]]:
+def opened(model_file: Path, count: int) -> Iterator[tuple[ThreadedPool, list[int]]]:
     """A pool, and its processes."""
     others = workers(os.getpid())
-    pool = WorkerPool(setup(ModelFile.read(str(model_file))), count)
+    pool = ThreadedPool(setup(ModelFile.read(str(model_file))), count)
     pool.start()
     try:
         yield pool, [worker for worker in workers(os.getpid()) if worker not in others]
     finally:
-        pool.stop()
+        pool.close()
 
 
 @pytest.fixture(scope="module")
-def pool(model_file: Path) -> Iterator[WorkerPool]:
+def pool(model_file: Path) -> Iterator[ThreadedPool]:
     with opened(model_file, 1) as (one, _):
         yield one
 
@@ -75,7 +75,7 @@ def ring(meshes: Path) -> Work:
 
 
 def test_the_record_is_that_of_the_classifier(
-    pool: WorkerPool, model_file: Path, meshes: Path
+    pool: ThreadedPool, model_file: Path, meshes: Path
 ) -> None:
     content = (meshes / "ring.obj").read_bytes()
     record = pool.submit(Work("tiny", content, "a.obj", "obj", top=2), soon()).result()
@@ -86,7 +86,7 @@ def test_the_record_is_that_of_the_classifier(
     assert record.timings_ms["queue"] >= 0
 
 
-def test_errors_cross_the_border_as_they_are(pool: WorkerPool) -> None:
+def test_errors_cross_the_border_as_they_are(pool: ThreadedPool) -> None:
     damaged = pool.submit(Work("tiny", b"OFF\n1", None, "off"), soon()).exception()
     assert isinstance(damaged, MalformedFile)
     assert damaged.fault
@@ -96,7 +96,7 @@ def test_errors_cross_the_border_as_they_are(pool: WorkerPool) -> None:
     assert (error.limit, error.value) == ("faces", 600)
 
 
-def test_an_error_keeps_nothing_of_the_file_that_it_is_of(pool: WorkerPool) -> None:
+def test_an_error_keeps_nothing_of_the_file_that_it_is_of(pool: ThreadedPool) -> None:
     """Not even until garbage is collected: many large files may be damaged."""
     damaged = Work("tiny", b"OFF\n1", None, "off")
     left = weakref.ref(damaged)
@@ -110,13 +110,13 @@ def test_an_error_keeps_nothing_of_the_file_that_it_is_of(pool: WorkerPool) -> N
     assert isinstance(error, MalformedFile)
 
 
-def test_work_whose_time_is_over_is_not_begun(pool: WorkerPool) -> None:
+def test_work_whose_time_is_over_is_not_begun(pool: ThreadedPool) -> None:
     with pytest.raises(DeadlineExceeded):
         pool.submit(Work("tiny", b"", None, None), time.monotonic() - 1).result()
     assert (pool.alive, pool.restarts) == (1, 0)
 
 
-def test_work_that_is_cancelled_is_not_done(pool: WorkerPool, meshes: Path) -> None:
+def test_work_that_is_cancelled_is_not_done(pool: ThreadedPool, meshes: Path) -> None:
     content = (meshes / "ring.obj").read_bytes()
     futures = [pool.submit(Work("tiny", content, None, "obj"), soon()) for _ in range(20)]
     assert futures[-1].cancel()
@@ -159,7 +159,7 @@ def test_a_worker_that_dies_loses_nothing_that_it_had_not_begun(
 
 
 def in_a_row(
-    pool: WorkerPool, processes: list[int], works: list[Work], seconds: float = 30.0
+    pool: ThreadedPool, processes: list[int], works: list[Work], seconds: float = 30.0
 ) -> list[Future[Record]]:
     """Work for one worker, which has each as its next while it does the one before.
 
@@ -221,13 +221,13 @@ def test_long_names_do_not_keep_who_hands_work_over(model_file: Path, ring: Work
 def test_a_stop_leaves_nobody_waiting(model_file: Path, ring: Work) -> None:
     with opened(model_file, 1) as (pool, processes), held(processes):
         futures = [pool.submit(ring, soon()) for _ in range(3)]
-        pool.stop()
+        pool.close()
         until(lambda: all(future.done() for future in futures))
-        assert pool.submit(ring, soon()).cancelled()
+        until(pool.submit(ring, soon()).cancelled)
 
 
 def test_a_model_that_cannot_be_opened_is_told_by_its_path(tmp_path: Path) -> None:
-    refused = WorkerPool(setup(ModelFile(tmp_path / "my.onnx", b"nothing")), workers=1)
+    refused = ThreadedPool(setup(ModelFile(tmp_path / "my.onnx", b"nothing")), workers=1)
     with pytest.raises(ModelFileError, match=r"my\.onnx"):
         refused.start()
 
@@ -242,4 +242,4 @@ def test_a_worker_that_is_gone_as_it_starts_is_told(
 
     monkeypatch.setattr(ForkServerProcess, "start", start)
     with pytest.raises(NotStarted, match="a worker process does not start"):
-        WorkerPool(setup(ModelFile.read(str(model_file))), workers=1).start()
+        ThreadedPool(setup(ModelFile.read(str(model_file))), workers=1).start()
