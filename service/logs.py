@@ -7,7 +7,7 @@ import logging.config
 from typing import Literal
 
 from pythonjsonlogger.core import RESERVED_ATTRS
-from pythonjsonlogger.json import JsonFormatter
+from pythonjsonlogger.orjson import OrjsonFormatter
 
 LogFormat = Literal["json", "text"]
 
@@ -36,7 +36,7 @@ def configure_logs(form: LogFormat) -> None:
 
 
 def _json_formatter() -> logging.Formatter:
-    return JsonFormatter(
+    return OrjsonFormatter(
         ["levelname", "name", "message"],
         rename_fields={"levelname": "level", "name": "logger"},
         reserved_attrs=[*RESERVED_ATTRS, "color_message"],  # uvicorn's, for terminals
