@@ -73,11 +73,12 @@ class Seat:
         expires = job.expires
         if expires is None:
             expires = time.monotonic() + self._setup.seconds
-        work = job.work
-        if work is None or not job.begin():
+        if not job.begin():
             if number is not None:
                 await self._drop(worker, number, expires)
             return
+        work = job.work
+        assert work is not None
         waited = round((time.perf_counter() - job.queued) * 1000, 3)
         try:
             record = await self._classify(work, expires, worker, number)
