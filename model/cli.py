@@ -83,11 +83,6 @@ def _read_settings(
     help="Varied copies of each training mesh: other triangles, noise, holes.",
 )
 @click.option(
-    "--mirror",
-    is_flag=True,
-    help="Train on mirror images, too: for things whose mirror images are of the same class.",
-)
-@click.option(
     "--bend",
     type=click.FloatRange(0, 1),
     default=0.0,
@@ -115,7 +110,6 @@ def train(
     epochs: int,
     batch_size: int,
     copies: int,
-    mirror: bool,
     bend: float,
     hold_out: float,
     seed: int,
@@ -152,7 +146,6 @@ def train(
         epochs=epochs,
         batch_size=batch_size,
         copies=copies,
-        mirror=mirror,
         augmentation=Augmentation(bend=bend),
     )
     parts = {split: _load(samples, split, config, training) for split in SPLITS}
@@ -256,7 +249,6 @@ def _load(
         config,
         lambda part: track(part, f"Preparing {split}", console=console, disable=quiet),
         copies={"train": training.copies, "val": training.copies // 2, "test": 0}[split],
-        mirror=training.mirror and split == "train",
         seed=training.seed,
     )
 

@@ -16,7 +16,7 @@ from model.inputs import MeshInputs, mesh_inputs
 from model.loading import find_meshes, load_mesh
 from model.mesh import Mesh
 from model.preparation import prepare
-from model.variation import mirrored, vary
+from model.variation import vary
 
 SPLITS = ("train", "val", "test")
 
@@ -130,7 +130,7 @@ class LabelledMesh:
 class LoadedSamples:
     """The meshes of one split that could be used, and how many files could not.
 
-    versions: for each usable file the mesh itself, then its varied copies and mirror images.
+    versions: for each usable file the mesh itself, then its varied copies.
     """
 
     versions: list[list[LabelledMesh]]
@@ -152,12 +152,9 @@ def load_samples(
     config: NetworkConfig,
     progress: Callable[[Sequence[Sample]], Iterable[Sample]] = iter,
     copies: int = 0,
-    mirror: bool = False,
     seed: int = 0,
 ) -> LoadedSamples:
     """Read, prepare and build the topology of every sample, and of varied copies of it.
-
-    mirror: also of the mirror images of all these.
 
     A file that cannot be used is logged with its reason and counted as refused. The copies are
     those of `model.variation.vary`; they depend on the seed and the file's place in the list.
@@ -171,8 +168,6 @@ def load_samples(
             continue
         rng = np.random.default_rng([seed, index])
         versions = [mesh, *_copies(mesh, config.face_budget, copies, rng)]
-        if mirror:
-            versions += [mirrored(version) for version in versions]
         label = config.classes.index(sample.label)
         loaded.append([_labelled(version, config, label) for version in versions])
     return LoadedSamples(loaded, len(samples) - len(loaded))

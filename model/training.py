@@ -39,8 +39,6 @@ class TrainingConfig:
     copies: int = 10
     """Varied copies of each mesh (other triangles, noise, holes); every epoch draws one, or the
     mesh itself."""
-    mirror: bool = False
-    """Whether it may draw their mirror images too."""
     augmentation: Augmentation = field(default_factory=Augmentation)
 
 

@@ -69,11 +69,6 @@ def inverted(mesh: Mesh) -> Mesh:
     return Mesh(mesh.vertices, mesh.faces[:, ::-1])
 
 
-def mirrored(mesh: Mesh) -> Mesh:
-    """Its mirror image, wound outward where the mesh is."""
-    return Mesh(mesh.vertices * (-1, 1, 1), mesh.faces[:, ::-1])
-
-
 def as_soup(mesh: Mesh) -> Mesh:
     """Three vertices of its own for every face, as in STL."""
     return Mesh(mesh.vertices[mesh.faces].reshape(-1, 3), np.arange(mesh.faces.size).reshape(-1, 3))

@@ -8,7 +8,6 @@ import pytest
 
 from model.datasets import DatasetError, class_names, find_samples, list_samples, load_samples
 from model.mesh import Mesh
-from model.variation import mirrored
 from tests.meshes import cube, icosphere, torus
 from tests.networks import topology_of
 
@@ -141,21 +140,6 @@ def test_samples_are_prepared_and_bad_files_counted(folders, config, caplog):
         assert len(mesh.inputs.surface.twin) == 3 * len(mesh.mesh.faces)
         assert topology_of(mesh.inputs).face_counts[0] == len(mesh.mesh.faces)
         assert np.isfinite(mesh.inputs.terms).all()
-
-
-def test_versions_are_the_mesh_its_copies_and_the_mirror_images_of_all(folders, config):
-    samples = [s for s in find_samples(folders) if s.split == "train"]
-    plain = load_samples(samples, config, copies=1).versions
-    both = load_samples(samples, config, copies=1, mirror=True).versions
-    for versions, doubled in zip(plain, both, strict=True):
-        assert len(doubled) == 2 * len(versions)
-        images = [mirrored(version.mesh) for version in versions]
-        for expected, found in zip(
-            [*(version.mesh for version in versions), *images], doubled, strict=True
-        ):
-            assert np.array_equal(found.mesh.vertices, expected.vertices)
-            assert np.array_equal(found.mesh.faces, expected.faces)
-            assert len(found.inputs.terms) == len(expected.faces)
 
 
 def test_progress_sees_every_sample(folders, config):

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-import trimesh
 
 from model import variation
 from model.preparation import prepare, surface_area
@@ -52,17 +51,6 @@ def test_a_cut_is_one_hole_of_its_share(share, rng):
     _, border, _ = find_twins(mesh.faces, len(mesh.vertices))
     assert 0 < border < 3 * share * 500
     assert prepare(mesh, 500)[1].components == 1
-
-
-def test_a_mirror_image_is_wound_outward_and_is_that_of_its_own(rng):
-    mesh = variation.noisy(icosphere(1), 0.05, rng)
-    image = variation.mirrored(mesh)
-    solids = [trimesh.Trimesh(each.vertices, each.faces, process=False) for each in (mesh, image)]
-    assert solids[0].volume > 0
-    assert solids[1].volume == pytest.approx(solids[0].volume)
-    again = variation.mirrored(image)
-    assert np.array_equal(again.vertices, mesh.vertices)
-    assert np.array_equal(again.faces, mesh.faces)
 
 
 def test_rewritings_keep_the_surface(rng):
