@@ -4,6 +4,8 @@ import asyncio
 from collections.abc import Awaitable, Callable
 from functools import wraps
 
+import anyio
+
 from service.workers.jobs import Job, Jobs
 from service.workers.tasks import Work
 
@@ -13,10 +15,7 @@ def in_a_loop(test: Callable[[], Awaitable[None]]) -> Callable[[], None]:
 
     @wraps(test)
     def run() -> None:
-        async def within() -> None:
-            await test()
-
-        asyncio.run(within())
+        anyio.run(test)
 
     return run
 
