@@ -41,10 +41,8 @@ def create_app(pool: WorkerPool, admission: Admission, settings: Settings) -> AS
     serving = Serving(pool, admission, settings, Metrics(pool, admission))
     routes = _Api(settings, pool)
     install_problem_handlers(routes)
-    for router in (
-        *(v1_routes(serving), card_routes(serving), v2_routes(serving), probe_routes(serving)),
-        page.router,
-    ):
+    served = [of(serving) for of in (v1_routes, card_routes, v2_routes, probe_routes)]
+    for router in (*served, page.router):
         # Included, they would be in lists of their own, and the app's would not tell of them.
         routes.router.routes += router.routes
     routes.mount("/assets", page.Assets())

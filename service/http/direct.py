@@ -17,8 +17,8 @@ from starlette.types import Receive, Scope, Send
 class DirectRoute(APIRoute):
     """Its endpoint takes the request, and nothing else, and returns a response."""
 
-    def __init__(self, path: str, endpoint: Any, **described: Any) -> None:
-        super().__init__(path, endpoint, **described)
+    def __init__(self, path: str, endpoint: Any, **description: Any) -> None:
+        super().__init__(path, endpoint, **description)
         self._direct = Route(path, endpoint, methods=self.methods)
 
     async def handle(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -62,7 +62,13 @@ def described(form: type[_Query], body: dict) -> dict:
     """What the description says of a query and a body that are read by hand."""
     schemas = form.model_json_schema()["properties"]
     parameters = [
-        {"name": name, "in": "query", "required": False, "schema": schema}
+        {
+            "name": name,
+            "in": "query",
+            "required": False,
+            "schema": schema,
+            "description": schema["description"],
+        }
         for name, schema in schemas.items()
     ]
     return {"parameters": parameters, "requestBody": body}
