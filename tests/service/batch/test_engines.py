@@ -83,7 +83,7 @@ def test_a_hostile_file_costs_its_own_record(
 
 
 def test_the_deadline_begins_with_the_work(model_file: Path, meshes: Path) -> None:
-    """Not as it is queued: behind one that takes all its time, the others have all of theirs."""
+    """Not as it is queued: behind one that takes all its time, the other has all of its own."""
     setup = Setup([ModelFile.read(str(model_file))], Limits(), MEMORY, seconds=5.0)
     before = set(workers_of(os.getpid()))
     pool = ThreadedPool(setup, 1)
@@ -92,7 +92,8 @@ def test_the_deadline_begins_with_the_work(model_file: Path, meshes: Path) -> No
         held_up = set(workers_of(os.getpid())) - before
         with held(list(held_up)):
             outcomes = engine.outcomes(Listing([str(meshes / "ring.obj")] * 2), OPTIONS, never)
-            assert [outcome.fault for outcome in outcomes] == ["deadline", None]
+            # Each file is read in a thread of its own: either may be the first to be queued.
+            assert {outcome.fault for outcome in outcomes} == {"deadline", None}
 
 
 def test_what_is_done_has_no_outcome(workers: Workers, here: Engine, meshes: Path) -> None:
