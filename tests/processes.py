@@ -4,7 +4,7 @@ import os
 import signal
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 
@@ -26,6 +26,15 @@ def workers(service: int) -> list[int]:
     return [worker for child in children(service) for worker in children(child)]
 
 
+def idle(process: int) -> bool:
+    """Whether it waits for something, or is gone."""
+    try:
+        state = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0]
+    except FileNotFoundError:
+        return True
+    return state in "SZ"
+
+
 def family(service: int) -> list[int]:
     """All that came from a service, without itself."""
     return [*children(service), *workers(service)]
@@ -40,7 +49,7 @@ def held(processes: list[int]) -> Iterator[None]:
         yield
     finally:
         for process in processes:
-            if Path(f"/proc/{process}").exists():
+            with suppress(ProcessLookupError):
                 os.kill(process, signal.SIGCONT)
 
 

@@ -2,7 +2,6 @@
 
 import asyncio
 import json
-import time
 import traceback
 from collections.abc import Callable, MutableMapping
 from concurrent.futures import ThreadPoolExecutor
@@ -24,6 +23,7 @@ from service.settings import Settings
 from service.workers import Job, Record, Setup, Work, WorkerPool
 from tests.processes import held, until, workers
 from tests.service.conftest import Service
+from tests.service.metrics import queue, value
 from tests.service.test_http_problems import problem_of
 
 MOST = 3
@@ -44,12 +44,6 @@ def lines_of(response: httpx.Response) -> list[dict]:
     assert response.status_code == 200, response.text
     assert response.headers["content-type"] == "application/x-ndjson"
     return [json.loads(line) for line in response.text.splitlines()]
-
-
-def queue(service: Service) -> int:
-    """How many meshes wait or run."""
-    metrics = httpx.get(f"{service.url}/metrics").text
-    return int(float(metrics.partition("\nmeshconv3d_queue_meshes ")[2].split()[0]))
 
 
 def test_lines_are_the_records_of_the_files_in_order(client: httpx.Client) -> None:
@@ -234,18 +228,18 @@ def test_the_deadline_is_that_of_the_whole_batch(narrow: Service, meshes: Path) 
     assert [line["error"]["fault"] for line in lines_of(response)] == ["deadline"] * MOST
 
 
-def test_who_leaves_takes_back_what_has_not_begun(narrow: Service, meshes: Path) -> None:
+def test_who_leaves_takes_back_what_has_not_begun(
+    start: Callable[..., Service], meshes: Path
+) -> None:
+    """Long before the deadline."""
     ring = (meshes / "ring.obj").read_bytes()
-    until(lambda: httpx.get(f"{narrow.url}/readyz").status_code == 200)
-    files = form(*[("a.obj", ring)] * MOST)
-    with held(workers(narrow.process.pid)):
-        started = time.monotonic()
+    service = start("--workers", "1", "--deadline-seconds", "300")
+    with held(workers(service.process.pid)):
+        files = form(*[("a.obj", ring)] * 3)
         with pytest.raises(httpx.ReadTimeout):
-            httpx.post(f"{narrow.url}/v1/classify/batch", files=files, timeout=1)
-        until(lambda: queue(narrow) == 0)
-        assert time.monotonic() - started < 4  # before the deadline
-    gone = 'fault="client-gone",route="/v1/classify/batch",status="200"} 1.0'
-    assert gone in httpx.get(f"{narrow.url}/metrics").text
-    until(lambda: httpx.get(f"{narrow.url}/readyz").status_code == 200)
-    assert httpx.post(f"{narrow.url}/v1/classify", content=ring).status_code == 200
-    assert "Traceback" not in narrow.log.read_text()
+            httpx.post(f"{service.url}/v1/classify/batch", files=files, timeout=1)
+        until(lambda: queue(service) == 0)
+    gone = {"route": "/v1/classify/batch", "status": "200", "fault": "client-gone"}
+    until(lambda: value(service, "requests_total", **gone) == 1)
+    assert httpx.post(f"{service.url}/v1/classify", content=ring).status_code == 200
+    assert "Traceback" not in service.log.read_text()

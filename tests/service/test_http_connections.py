@@ -9,11 +9,11 @@ from contextlib import ExitStack
 
 import httpx
 import pytest
-from prometheus_client.parser import text_string_to_metric_families
 
 from service.http.connections import CROWD, MOST_HEAD_BYTES
 from tests.processes import until
 from tests.service.conftest import Service
+from tests.service.metrics import metrics
 from tests.service.test_http_load import connection, head
 
 MOST = 4
@@ -58,16 +58,12 @@ def refused(answer: tuple[int, dict[str, str], dict], status: int, fault: str) -
 
 
 def count(service: Service, **labels: str) -> float:
-    def metrics() -> httpx.Response:
-        return httpx.get(f"{service.url}/metrics")
-
-    until(lambda: metrics().status_code == 200)  # once connections that were closed are gone
-    text = metrics().text
-    samples = [s for family in text_string_to_metric_families(text) for s in family.samples]
+    """Requests of such labels, once connections that were closed are gone."""
+    until(lambda: httpx.get(f"{service.url}/metrics").status_code == 200)
     return sum(
-        s.value
-        for s in samples
-        if s.name == "meshconv3d_requests_total" and labels.items() <= s.labels.items()
+        found
+        for (name, has), found in metrics(service).items()
+        if name == "meshconv3d_requests_total" and labels.items() <= has
     )
 
 
@@ -158,7 +154,7 @@ def test_headers_without_end(few: Service) -> None:
 
 def test_more_connections_than_are_served(few: Service) -> None:
     """Each is told so and closed, but for probes; and when others have left, it is served."""
-    before = count(few, status="503", fault="full")
+    before = count(few, status="503", fault="full", route="/v1/limits")
     with ExitStack() as stack:
         for _ in range(MOST):
             stack.enter_context(connection(few)).sendall(LIVE_REQUEST)

@@ -2,15 +2,16 @@
 
 import socket
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor, wait
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 
 import httpx
 import pytest
 
-from tests.processes import held, workers
+from tests.processes import held, until, workers
 from tests.service.conftest import Service
+from tests.service.metrics import queue, value
 from tests.service.test_http_problems import problem_of
 
 PLACES = 2
@@ -24,9 +25,8 @@ def narrow(start: Callable[..., Service]) -> Service:
 
 @pytest.fixture(scope="module")
 def hasty(start: Callable[..., Service]) -> Service:
-    """A second for each request, and a queue of few bytes."""
-    limits = ["--max-queue-bytes", "30000", "--max-upload-bytes", "30000"]
-    return start("--deadline-seconds", "1", "--workers", "1", *limits)
+    """A second for each request."""
+    return start("--deadline-seconds", "1", "--workers", "1")
 
 
 @pytest.fixture
@@ -54,7 +54,7 @@ def full(service: Service, content: bytes) -> Iterator[list[Future[httpx.Respons
     """A service that hangs with all its places taken; afterwards it goes on."""
     with ThreadPoolExecutor(PLACES) as pool, held(workers(service.process.pid)):
         answers = [pool.submit(classify, service, content) for _ in range(PLACES)]
-        assert not wait(answers, timeout=0.5).done
+        until(lambda: queue(service) == PLACES)
         yield answers
 
 
@@ -71,13 +71,14 @@ def test_who_finds_no_place_is_told_when_to_come_back(narrow: Service, ring: byt
 def test_who_leaves_makes_place(narrow: Service, ring: bytes) -> None:
     with ThreadPoolExecutor(PLACES) as pool, held(workers(narrow.process.pid)):
         running = pool.submit(classify, narrow, ring)
-        assert not wait([running], timeout=0.5).done
+        until(lambda: queue(narrow) == 1)
         with connection(narrow) as leaver:
             leaver.sendall(head(len(ring)) + ring)
+            until(lambda: queue(narrow) == 2)
             assert classify(narrow, ring).status_code == 503
-        assert not wait([running], timeout=0.5).done
+        until(lambda: queue(narrow) == 1)
         stays = pool.submit(classify, narrow, ring)
-        assert not wait([stays], timeout=1.5).done
+        until(lambda: queue(narrow) == 2)
     assert [running.result().status_code, stays.result().status_code] == [200, 200]
 
 
@@ -104,10 +105,14 @@ def test_headers_without_end_are_refused(hasty: Service) -> None:
             opened.sendall(endless)
 
 
-def test_bytes_that_uploads_hold_are_bounded(hasty: Service, ring: bytes) -> None:
-    assert len(ring) < 25_000
-    with connection(hasty) as slow:
+def test_bytes_that_uploads_hold_are_bounded(start: Callable[..., Service], ring: bytes) -> None:
+    limits = ["--max-queue-bytes", "30000", "--max-upload-bytes", "30000"]
+    service = start("--workers", "1", *limits)
+    assert 5_000 < len(ring) < 30_000
+    with connection(service) as slow:
         slow.sendall(head(30_000) + b"#" * 25_000)
-        problem = problem_of(classify(hasty, ring), 503)
+        until(lambda: value(service, "queue_bytes") == 25_000)
+        problem = problem_of(classify(service, ring), 503)
         assert "bytes of uploads" in problem["detail"]
-    assert classify(hasty, ring).status_code == 200
+    until(lambda: value(service, "queue_bytes") == 0)
+    assert classify(service, ring).status_code == 200

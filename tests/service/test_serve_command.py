@@ -10,7 +10,7 @@ import signal
 import socket
 import subprocess
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor, wait
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import httpx
@@ -23,6 +23,7 @@ from service.settings import Settings
 from tests.commands import PROGRAM, meshconv3d
 from tests.processes import family, held, until, workers
 from tests.service.conftest import Service
+from tests.service.metrics import queue
 
 README = Path(__file__).parents[2] / "README.md"
 OPERATIONS = README.parent / "docs" / "operations.md"
@@ -52,8 +53,10 @@ def test_a_stop_is_told_and_loses_nothing(start: Callable[..., Service], meshes:
     service = start("--workers", "1")
     content = (meshes / "ring.obj").read_bytes()
     with ThreadPoolExecutor(1) as pool, held(workers(service.process.pid)):
-        accepted = pool.submit(httpx.post, f"{service.url}/v1/classify", content=content)
-        assert not wait([accepted], timeout=0.5).done
+        accepted = pool.submit(
+            httpx.post, f"{service.url}/v1/classify", content=content, timeout=60
+        )
+        until(lambda: queue(service) == 1)
         for process in (service.process.pid, *family(service.process.pid)):
             os.kill(process, signal.SIGTERM)
         until(lambda: httpx.get(f"{service.url}/readyz").status_code == 503)
@@ -71,16 +74,14 @@ def test_a_stop_in_the_middle_of_a_batch_answers_all_of_it(
 ) -> None:
     service = start("--workers", "1")
     files = [("file", ("ring.obj", (meshes / "ring.obj").read_bytes()))] * 20
-    with httpx.stream("POST", f"{service.url}/v1/classify/batch", files=files) as answer:
-        lines = answer.iter_lines()
-        received = [next(lines)]
-        with held(workers(service.process.pid)):
-            service.process.send_signal(signal.SIGTERM)
-            until(lambda: httpx.get(f"{service.url}/readyz").status_code == 503)
-        received += lines
-    assert [json.loads(line)["class"] for line in received] == [
-        json.loads(received[0])["class"]
-    ] * 20
+    url = f"{service.url}/v1/classify/batch"
+    with ThreadPoolExecutor(1) as pool, held(workers(service.process.pid)):
+        answer = pool.submit(httpx.post, url, files=files, timeout=60)
+        until(lambda: queue(service) == 20)
+        service.process.send_signal(signal.SIGTERM)
+        until(lambda: httpx.get(f"{service.url}/readyz").status_code == 503)
+    lines = [json.loads(line) for line in answer.result().text.splitlines()]
+    assert [line["class"] for line in lines] == [lines[0]["class"]] * 20
     assert service.process.wait(30) == 0
     assert "Traceback" not in service.log.read_text()
 
@@ -93,8 +94,10 @@ def test_a_stop_does_not_wait_for_ever(
     content = (meshes / "ring.obj").read_bytes()
     began = family(service.process.pid)
     with ThreadPoolExecutor(1) as pool, held(workers(service.process.pid)):
-        accepted = pool.submit(httpx.post, f"{service.url}/v1/classify", content=content)
-        assert not wait([accepted], timeout=0.5).done
+        accepted = pool.submit(
+            httpx.post, f"{service.url}/v1/classify", content=content, timeout=60
+        )
+        until(lambda: queue(service) == 1)
         service.process.send_signal(signal.SIGTERM)
         if patience == "second signal":
             until(lambda: httpx.get(f"{service.url}/readyz").status_code == 503)

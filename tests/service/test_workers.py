@@ -1,11 +1,13 @@
 """The pool of workers by itself, as any program may use it."""
 
+import asyncio
 import dataclasses
 import errno
 import gc
 import json
 import os
 import signal
+import threading
 import time
 import weakref
 from collections.abc import Iterator
@@ -22,8 +24,16 @@ from model.loading import Limits
 from service.classifier import Classifier
 from service.models import ModelFile
 from service.records import answer
-from service.workers import DeadlineExceeded, NotStarted, Record, Setup, ThreadedPool, Work
-from tests.processes import held, until, workers
+from service.workers import (
+    DeadlineExceeded,
+    NotStarted,
+    Record,
+    Setup,
+    ThreadedPool,
+    Work,
+    WorkerPool,
+)
+from tests.processes import held, idle, until, workers
 
 MEMORY = 2**30
 
@@ -116,13 +126,6 @@ def test_work_whose_time_is_over_is_not_begun(pool: ThreadedPool) -> None:
     assert (pool.alive, pool.restarts) == (1, 0)
 
 
-def test_work_that_is_cancelled_is_not_done(pool: ThreadedPool, meshes: Path) -> None:
-    content = (meshes / "ring.obj").read_bytes()
-    futures = [pool.submit(Work("tiny", content, None, "obj"), soon()) for _ in range(20)]
-    assert futures[-1].cancel()
-    assert all(future.result() for future in futures[:-1])
-
-
 def test_work_that_waits_for_a_slow_one_is_done_by_another(model_file: Path, ring: Work) -> None:
     """Each of two workers has a mesh, and its next; what one that stands still has as its next is
     done by the other."""
@@ -137,13 +140,18 @@ def test_work_that_waits_for_a_slow_one_is_done_by_another(model_file: Path, rin
         assert pool.restarts == 0
 
 
-def test_work_that_a_worker_has_as_its_next_can_be_cancelled(model_file: Path, ring: Work) -> None:
+def test_work_that_is_cancelled_is_not_done(model_file: Path, ring: Work) -> None:
+    """Neither what the worker has as its next nor what is queued behind that."""
+    deadly = dataclasses.replace(ring, model=Deadly("tiny"))
     with opened(model_file, 1) as (pool, processes):
         with held(processes):
-            futures = [pool.submit(ring, soon()) for _ in range(3)]
-            assert not wait(futures, timeout=0.3).done
-            assert futures[1].cancel()
-        assert futures[0].result().label == futures[2].result().label
+            works = (ring, deadly, deadly, ring)
+            first, *cancelled, last = [pool.submit(work, soon()) for work in works]
+            assert not wait([first], timeout=0.3).done
+            for future in cancelled:
+                future.cancel()
+        assert first.result().label == last.result().label
+        assert pool.restarts == 0
 
 
 def test_a_worker_that_dies_loses_nothing_that_it_had_not_begun(
@@ -158,30 +166,35 @@ def test_a_worker_that_dies_loses_nothing_that_it_had_not_begun(
         assert pool.restarts == 1
 
 
-def in_a_row(
-    pool: ThreadedPool, processes: list[int], works: list[Work], seconds: float = 30.0
-) -> list[Future[Record]]:
+@contextmanager
+def in_a_row(pool: ThreadedPool, worker: int, works: list[Work]) -> Iterator[list[Future[Record]]]:
     """Work for one worker, which has each as its next while it does the one before.
 
-    The front has other things to do for a while, once it has an answer. seconds: until it expires.
+    Within it the front has other things to do, once it has the first answer, and the worker has
+    done what it can do meanwhile.
     """
     futures = list[Future[Record]]()
+    free = threading.Event()
 
     def submit_all(_: Future[Record]) -> None:
-        for work in works:
-            futures.append(pool.submit(work, time.monotonic() + seconds))
-            futures[-1].add_done_callback(lambda _: time.sleep(0.5))
+        futures.extend(pool.submit(work, soon()) for work in works)
+        futures[0].add_done_callback(lambda _: free.wait(30))
 
-    with held(processes):
+    with held([worker]):
         pool.submit(works[0], soon()).add_done_callback(submit_all)
-    until(lambda: len(futures) == len(works))
-    return futures
+    until(lambda: len(futures) == len(works) and futures[0].done())
+    until(lambda: idle(worker))
+    try:
+        yield futures
+    finally:
+        free.set()
 
 
 def test_work_that_ends_its_worker_as_its_next_does_so_once(model_file: Path, ring: Work) -> None:
     deadly = dataclasses.replace(ring, model=Deadly("tiny"))
-    with opened(model_file, 1) as (pool, processes):
-        first, second, third = in_a_row(pool, processes, [ring, deadly, ring])
+    with opened(model_file, 1) as (pool, [worker]):
+        with in_a_row(pool, worker, [ring, deadly, ring]) as (first, second, third):
+            assert first.done()
         with pytest.raises(UnusableMesh, match="exit code 3"):
             second.result()
         assert first.result().label == third.result().label
@@ -191,23 +204,33 @@ def test_work_that_ends_its_worker_as_its_next_does_so_once(model_file: Path, ri
 def test_work_that_was_answered_as_its_worker_died_is_answered(
     model_file: Path, ring: Work
 ) -> None:
-    with opened(model_file, 1) as (pool, processes):
-        first, second = in_a_row(pool, processes, [ring, ring])
-        first.result()
-        time.sleep(0.2)  # it has the second by then, and has done it
-        os.kill(processes[0], signal.SIGKILL)
+    with opened(model_file, 1) as (pool, [worker]):
+        with in_a_row(pool, worker, [ring, ring]) as (_, second):
+            os.kill(worker, signal.SIGKILL)
         assert second.result().timings_ms["queue"] > 0
         until(lambda: pool.restarts == 1)
 
 
 def test_work_that_hangs_and_is_cancelled_costs_nothing_else(model_file: Path, ring: Work) -> None:
+    """Not even where the worker has it as its next, and begins before it is asked not to."""
     hanging = dataclasses.replace(ring, model=Hanging("tiny"))
-    with opened(model_file, 1) as (pool, processes):
-        first, second = in_a_row(pool, processes, [ring, hanging], seconds=2.0)
-        first.result()
-        time.sleep(0.2)  # it has begun with the second by then
+    pool = WorkerPool(setup(ModelFile.read(str(model_file))), 1)
+    pool.start()
+
+    async def play() -> None:
+        pool.attach()
+        first, second = pool.submit(ring), pool.submit(hanging, time.monotonic() + 2)
+        for _ in range(10):
+            await asyncio.sleep(0)  # until the worker has both
         assert second.cancel()
-        assert pool.submit(ring, soon()).result(timeout=20).label == first.result().label
+        time.sleep(0.5)  # until it has begun with the second
+        last = pool.submit(ring)
+        assert (await first.future).label == (await last.future).label
+        assert pool.restarts == 1
+        pool.close()
+        await pool.wait_closed()
+
+    asyncio.run(play())
 
 
 def test_long_names_do_not_keep_who_hands_work_over(model_file: Path, ring: Work) -> None:

@@ -7,6 +7,7 @@ from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import expect
 
 from model.samples import sample_paths
+from tests.processes import until
 from tests.service.page.conftest import Visitor
 from tests.service.page.pixels import changed, pixels
 
@@ -67,11 +68,9 @@ def test_everything_by_keyboard(visitor: Visitor) -> None:
     before = pixels(view)
     for key in ("ArrowRight", "ArrowRight", "ArrowUp", "+"):
         visitor.page.keyboard.press(key)
-    visitor.page.wait_for_timeout(400)
-    assert changed(before, pixels(view)) > 0.02
+    until(lambda: changed(before, pixels(view)) > 0.02)
     visitor.page.keyboard.press("Home")
-    visitor.page.wait_for_timeout(400)
-    assert changed(before, pixels(view)) < 0.002
+    until(lambda: changed(before, pixels(view)) < 0.002)
     press_until(visitor, ".bars li:first-child button")
     visitor.page.keyboard.press("Space")
     expect(view).to_have_attribute("data-shows", "lamp")

@@ -11,6 +11,7 @@ from playwright.sync_api import Playwright, expect
 
 from model.loading import load_mesh
 from model.samples import sample_paths
+from tests.processes import until
 from tests.service.page.conftest import SOFTWARE, Visitor
 from tests.service.page.pixels import blue, changed, orange, pixels
 
@@ -72,11 +73,9 @@ def test_a_dragged_mesh_turns(visitor: Visitor) -> None:
     visitor.page.mouse.down()
     visitor.page.mouse.move(box["x"] + 450, box["y"] + 290, steps=5)
     visitor.page.mouse.up()
-    visitor.page.wait_for_timeout(500)
-    assert changed(before, pixels(view)) > 0.02
+    until(lambda: changed(before, pixels(view)) > 0.02)
     visitor.at("#reset").click()
-    visitor.page.wait_for_timeout(500)
-    assert changed(before, pixels(view)) < 0.002
+    until(lambda: changed(before, pixels(view)) < 0.002)
 
 
 def test_it_turns_by_itself_until_touched(visitor: Visitor) -> None:
@@ -86,8 +85,7 @@ def test_it_turns_by_itself_until_touched(visitor: Visitor) -> None:
     view = visitor.at("#view")
     visitor.at("#spin").click()
     before = pixels(view)
-    visitor.page.wait_for_timeout(1500)
-    assert changed(before, pixels(view)) > 0.005
+    until(lambda: changed(before, pixels(view)) > 0.005)
     view.click()
     expect(visitor.at("#spin")).to_have_attribute("aria-pressed", "false")
 
@@ -101,20 +99,16 @@ def test_a_class_colours_the_surface_and_another_otherwise(visitor: Visitor) -> 
     assert orange(bare) < 0.001
     visitor.explain("spiders")
     expect(visitor.at("#legend")).to_contain_text("What speaks for spiders")
-    visitor.page.wait_for_timeout(300)
+    until(lambda: orange(pixels(view)) > 0.01)
     first = pixels(view)
-    assert orange(first) > 0.01
     other = visitor.at(".bars button").nth(1).get_attribute("data-class")
     assert other
     visitor.explain(other)
-    visitor.page.wait_for_timeout(300)
-    second = pixels(view)
-    assert changed(first, second) > 0.02
-    assert blue(second) > blue(first)
+    until(lambda: changed(first, pixels(view)) > 0.02)
+    assert blue(pixels(view)) > blue(first)
     visitor.at(f'button[data-class="{other}"]').click()
     visitor.drawn()
-    visitor.page.wait_for_timeout(300)
-    assert changed(bare, pixels(view)) < 0.002
+    until(lambda: changed(bare, pixels(view)) < 0.002)
     expect(visitor.at("#legend")).to_be_hidden()
 
 
@@ -224,9 +218,8 @@ def test_a_file_of_200_000_faces(visitor: Visitor, large_file: Path) -> None:
     before = pixels(view)
     visitor.at(".bars button").first.click()
     expect(visitor.at("#legend")).to_be_visible()
-    visitor.page.wait_for_timeout(500)
+    until(lambda: changed(before, pixels(view)) > 0.02)
     after = pixels(view)
-    assert changed(before, after) > 0.02
     assert orange(after) + blue(after) > 0.01
 
 
