@@ -63,7 +63,8 @@ def _read_settings(
     multiple=True,
     metavar="NAME=VALUE",
     callback=_read_settings,
-    help="A setting of the network, such as patch_size=16; see model/config.py.",
+    help="A setting of the network, such as patch_size=16 or 'channels=[32,64,128]'; see "
+    "model/config.py.",
 )
 @click.option(
     "--from",

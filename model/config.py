@@ -96,8 +96,6 @@ class NetworkConfig:
 PRESETS: dict[str, dict[str, Any]] = {
     "paper": {},
     "learned": {"pooling": "learned"},
-    "deep": {"convolutions": 2},
-    "small": {"channels": (32, 64, 128)},
     "objects": {
         "absolute_offsets": True,
         "surroundings": True,

@@ -4,7 +4,8 @@
 class MeshError(ValueError):
     """Something is wrong with one mesh or its file; the message says what, and what to do.
 
-    `fault` is a short stable slug for programs (`"nan-vertices"`); the message is for people.
+    `fault` is a short stable slug for programs, as `"non-finite-vertices"`; the message is for
+    people.
     """
 
     def __init__(self, fault: str, message: str) -> None:

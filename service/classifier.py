@@ -24,8 +24,8 @@ from service.models import DEFAULT_MODEL, Model, open_model
 # largest: rounding moves them by 1e-6, another triangulation of the sample by more than this.
 SELF_TEST_TOLERANCE = 1e-2
 
-# Of which the times are taken, in order.
-STAGES = ("read", "prepare", "topology", "infer")
+# Of which the times are taken, in order; of the last where it is asked for.
+STAGES = ("read", "prepare", "topology", "infer", "explain")
 
 Source = str | os.PathLike[str] | tuple[bytes, str | None]
 Result = TypeVar("Result")

@@ -36,7 +36,7 @@ class Limits:
     """
     unpacked_bytes_per_byte: int = 50
     """How many times the archive's own size that may be. XML of a mesh packs to a fourth or, with
-    few digits, a sixteenth; of a lattice of equal cubes to a thirtieth."""
+    few digits, a sixteenth; of a lattice of equal cubes to a 37th."""
 
     def check(self, what: str, count: int, found: str | None = None) -> None:
         """Raises LimitExceeded where there are more.

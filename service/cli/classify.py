@@ -23,7 +23,10 @@ TABLE_TOP = 2
 
 @click.command()
 @click.argument("paths", nargs=-1, required=True, metavar="PATH...")
-@click.option("--model", help="Shipped model by name, or a model file. [default: shrec11]")
+@click.option(
+    "--model",
+    help="Shipped model by name, or a model file. [default: MESHCONV3D_MODELS, or shrec11]",
+)
 @click.option("--top", type=click.IntRange(1), help="Only the N likeliest classes of each.")
 @click.option("--json", "as_json", is_flag=True, help="JSON Lines, as when the output is piped.")
 @click.option("--format", "declared", help="Format of the mesh on standard input, such as stl.")

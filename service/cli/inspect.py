@@ -9,7 +9,10 @@ import click
 @click.argument("model", required=False)
 @click.option("--json", "as_json", is_flag=True, help="The card as JSON.")
 def inspect(model: str | None, as_json: bool) -> None:
-    """Show the card of MODEL, a shipped model's name or a model file. [default: shrec11]"""
+    """Show the card of MODEL, a shipped model's name or a model file.
+
+    [default: the first of MESHCONV3D_MODELS, or shrec11]
+    """
     from service.cli.shared import load_classifier
 
     opened = load_classifier(model).model

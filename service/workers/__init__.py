@@ -1,9 +1,9 @@
 """Mesh files are read and classified in processes of their own, which a file may break.
 
-`tasks` is what runs in such a process, `limits` what the system holds it to, `origin` where it is
-forked from. On the other side, `worker` is one process, and `pool` keeps several alive and hands
-them work from an event loop; `threads` is the same for those who have none. None of it knows of
-HTTP.
+`process` is the inside of one: `tasks` is what it does, `limits` what the system holds it to,
+`origin` where it is forked from. `frames` is how both sides speak. On the other, `worker` is one
+process; a `seat` keeps one at work with what waits in `jobs`, and replaces it. The `pool` has all
+of them, for an event loop; `threads` is the same for those who have none. None of it knows of HTTP.
 """
 
 from service.workers.jobs import Job

@@ -17,7 +17,8 @@ def run(pipe: socket.socket, begun: c_uint64, taken_back: c_uint64, setup: Setup
     `warm_up`, and that to work that was taken back has neither. begun and taken_back are shared
     with the other end: the number of the latest work that has arrived here, and of the one that is
     to be done elsewhere. Each is written before the other is read, here as there: it may be left
-    undone on both ends, which this one tells, but is not done on both.
+    undone on both ends, which this one tells. It is done on both only where a later one is taken
+    back before this end has come to it, and then nobody asks for the answer.
     """
 
     def answer(number: int, error: Exception | None, value: object) -> None:

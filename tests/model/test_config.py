@@ -38,10 +38,10 @@ def test_other_json_is_refused(text):
 
 
 def test_settings_go_over_a_preset():
-    config = preset("small", ("ball", "box"), {"patch_size": 16, "pooling": "learned"})
-    assert (config.patch_size, config.pooling, config.channels) == (16, "learned", (32, 64, 128))
+    config = preset("objects", ("ball", "box"), {"patch_size": 16, "dropout": 0.1})
+    assert (config.patch_size, config.dropout, config.surroundings) == (16, 0.1, True)
     with pytest.raises(ValueError, match=r"patch_size: Input should be greater.*wide: Unexpected"):
-        preset("small", ("ball", "box"), {"patch_size": 0, "wide": True})
+        preset("paper", ("ball", "box"), {"patch_size": 0, "wide": True})
 
 
 @pytest.mark.parametrize(

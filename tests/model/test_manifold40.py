@@ -63,7 +63,7 @@ def test_its_layout_is_read_as_it_is(manifold40):
 
 
 def test_it_is_trained_on_exported_and_evaluated(manifold40, tmp_path):
-    train = ["train", manifold40, "--out", tmp_path, "--preset", "small"]
+    train = ["train", manifold40, "--out", tmp_path, "--set", "channels=[32,64,128]"]
     said = run(*train, "--epochs", 1, "--batch-size", 4, "--copies", 0)
     assert "of 6 meshes" in said
     model = tmp_path / "manifold40.onnx"

@@ -3,12 +3,14 @@
 import os
 import signal
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from service.cli import main
 from tests.commands import interruptible
+from tests.processes import children, until, workers
 
 
 def interrupted_in_compiled_code() -> None:
@@ -39,10 +41,14 @@ def test_another_system_error_is_not_hidden(monkeypatch):
         main.main()
 
 
-@pytest.mark.parametrize("seconds", [0.6, 0.9, 1.2, 1.5, 2.0])
-def test_an_interrupt_as_workers_start_is_told_in_a_word(model_file: Path, seconds: float) -> None:
+@pytest.mark.parametrize("seconds", [0.0, 0.1, 0.3])
+@pytest.mark.parametrize("begun", [children, workers])
+def test_an_interrupt_as_workers_start_is_told_in_a_word(
+    model_file: Path, begun: Callable[[int], list[int]], seconds: float
+) -> None:
     """A terminal interrupts all processes at once."""
     process = interruptible("serve", "--port", "0", "--model", model_file)
+    until(lambda: begun(process.pid))
     time.sleep(seconds)
     os.killpg(process.pid, signal.SIGINT)
     _, said = process.communicate(timeout=30)

@@ -48,7 +48,7 @@ class Report:
         self._slowest: list[tuple[float, int, str, dict[str, float]]] = []
 
     def add(self, record: Answer | Refusal, picture: bytes | None = None) -> None:
-        """Take the record of one file, and its picture where there is one (`picture.picture`)."""
+        """Take the record of one file, and its picture where there is one (`service.picture`)."""
         if isinstance(record, Refusal):
             self._refuse(record)
             return
