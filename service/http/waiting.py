@@ -16,8 +16,8 @@ POLL_SECONDS = 0.25
 async def result_of(job: Job, request: Request) -> Record:
     """The result of work that a request has in the pool.
 
-    Work that has not begun is dropped when its deadline has passed, and all of the request's when
-    its client has gone. Where there is none, what runs is waited for: its worker keeps the
+    Work that has not begun, or has lost its worker, is dropped when its deadline has passed, and
+    all of the request's when its client has gone. What runs is waited for: its worker keeps the
     deadline.
 
     Raises what the work raises, DeadlineExceeded, ClientDisconnect, or Full where the service
@@ -34,13 +34,9 @@ async def _result_of(job: Job, request: Request) -> Record:
     answer = job.future
     while not answer.done():
         left = visit.expires - time.monotonic()
-        await asyncio.wait({answer}, timeout=max(min(left, POLL_SECONDS), 0.0))
-        if answer.done():
-            break
-        if time.monotonic() >= visit.expires:
-            if job.cancel():
-                raise DeadlineExceeded
-            break
-        if await request.is_disconnected() and visit.take_back():
+        if left <= 0 and job.cancel():
+            raise DeadlineExceeded
+        await asyncio.wait({answer}, timeout=min(left, POLL_SECONDS) if left > 0 else POLL_SECONDS)
+        if not answer.done() and await request.is_disconnected() and visit.take_back():
             raise ClientDisconnect
-    return await answer
+    return answer.result()

@@ -17,12 +17,19 @@ class Job:
         self.expires = expires
         self.future: asyncio.Future[Record] = asyncio.get_running_loop().create_future()
         self.future.add_done_callback(self._forget)
+        # Workers that have begun with it.
+        self.attempts = 0
         self._begun = False
 
     def begin(self) -> bool:
         """Say that it is done now, and cannot be cancelled any more. False if it was before."""
         self._begun = not self.future.done()
+        self.attempts += 1
         return self._begun
+
+    def wait_again(self) -> None:
+        """Say that it is not done now after all."""
+        self._begun = False
 
     def cancel(self) -> bool:
         """Have it not done. False if it is too late for that."""
@@ -60,7 +67,8 @@ class Jobs:
             self._jobs.append(job)
 
     def put_back(self, job: Job) -> None:
-        """Queue it before all others."""
+        """Queue it before all others, and have it begun anew."""
+        job.wait_again()
         if not self._handed(job):
             self._jobs.appendleft(job)
 

@@ -1,6 +1,7 @@
 """The inside of a worker process: work comes in by a socket, and what became of it goes out."""
 
 import socket
+from contextlib import suppress
 from ctypes import c_uint64
 
 from service.workers.frames import framed, read_frame
@@ -20,6 +21,12 @@ def run(pipe: socket.socket, begun: c_uint64, taken_back: c_uint64, setup: Setup
     undone on both ends, which this one tells. It is done on both only where a later one is taken
     back before this end has come to it, and then nobody asks for the answer.
     """
+    with suppress(EOFError, OSError):
+        _work(pipe, begun, taken_back, setup)
+
+
+def _work(pipe: socket.socket, begun: c_uint64, taken_back: c_uint64, setup: Setup) -> None:
+    """See `run`. Raises EOFError or OSError once nobody sends, or reads."""
 
     def answer(number: int, error: Exception | None, value: object) -> None:
         pipe.sendall(b"".join(framed((number, error, value))))
@@ -33,8 +40,6 @@ def run(pipe: socket.socket, begun: c_uint64, taken_back: c_uint64, setup: Setup
     while True:
         try:
             work = read_frame(stream)
-        except (EOFError, OSError):
-            return
         except MemoryError:
             # Half of it was taken off the stream, which is of no use any more.
             answer(begun.value + 1, too_much_memory(), None)

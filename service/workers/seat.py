@@ -16,7 +16,8 @@ log = logging.getLogger(__name__)
 # again, in seconds.
 CHECK_SECONDS = 0.5
 RETRY_SECONDS = 1.0
-# Workers that may die as the same work is handed to them.
+# Workers that may die as the same work is handed to them. Of the last of them it is known that it
+# lived until then.
 ATTEMPTS = 2
 # So long, in seconds, work that was handed over ahead waits for the one before it. Then that one
 # takes its time, and another worker may be free before it is done.
@@ -70,6 +71,10 @@ class Seat:
             if not worker.alive:
                 worker.end()
             return
+        if job.attempts and number is None and not worker.alive:
+            worker.end()
+            self._jobs.put_back(job)
+            return
         expires = job.expires
         if expires is None:
             expires = time.monotonic() + self._setup.seconds
@@ -82,6 +87,12 @@ class Seat:
         waited = round((time.perf_counter() - job.queued) * 1000, 3)
         try:
             record = await self._classify(work, expires, worker, number)
+        except NotStarted:
+            # Who waits for it may end that, as long as there is no worker for it.
+            if job.attempts < ATTEMPTS:
+                self._jobs.put_back(job)
+            else:
+                job.fail(crashed("twice, as it was handed over"))
         except Exception as error:
             # Its traceback would keep this frame, with all the bytes, and the frame the error.
             job.fail(error.with_traceback(None))
@@ -104,20 +115,13 @@ class Seat:
     ) -> Record:
         """The record of work that the worker has under a number, or with None, is yet to be given.
 
-        A worker that dies before it begins has a successor. Raises MeshError, of which a crash is
-        one; DeadlineExceeded; TaskFailed.
+        Raises MeshError, of which a crash is one; DeadlineExceeded; TaskFailed; NotStarted.
         """
-        for _ in range(ATTEMPTS):
-            if time.monotonic() >= expires and (number is None or worker.take_back(number)):
-                raise DeadlineExceeded
-            if number is None:
-                number = worker.hand_over(work)
-            try:
-                return await self._answer(worker, number, expires)
-            except NotStarted:
-                self._worker = worker = await self._living(worker)
-                number = None
-        raise crashed("twice, as it was handed over")
+        if time.monotonic() >= expires and (number is None or worker.take_back(number)):
+            raise DeadlineExceeded
+        if number is None:
+            number = worker.hand_over(work)
+        return await self._answer(worker, number, expires)
 
     async def _answer(self, worker: Worker, number: int, expires: float) -> Record:
         """The answer to what the worker does now, which is handed what it is to do next."""
@@ -132,7 +136,9 @@ class Seat:
         try:
             return await worker.answer(number, expires)
         except TimeoutError:
-            worker.end()
+            # One that has begun with its next has done this.
+            if self._take_back_ahead(worker):
+                worker.end()
             raise DeadlineExceeded from None
 
     def _take_back_ahead(self, worker: Worker) -> bool:

@@ -33,7 +33,8 @@ class DeadlineExceeded(Exception):
 
 
 class NotStarted(Exception):
-    """The worker was gone before it began with the work, or was asked not to: another may do it."""
+    """The worker was gone before it began with the work, or was ended or asked not to by this side:
+    another may do it."""
 
 
 class Worker:
@@ -131,8 +132,9 @@ class Worker:
         except TimeoutError:
             raise
         except (EOFError, OSError):
+            ended_here = self.ended
             self.end()
-            if self._begun.value < number:
+            if ended_here or self._begun.value < number:
                 raise NotStarted from None
             raise crashed(await asyncio.to_thread(self._how_it_ended)) from None
 

@@ -100,6 +100,26 @@ def test_work_that_a_dying_worker_had_not_begun_is_not_lost(one: Service, ring: 
     assert httpx.get(f"{one.url}/readyz").status_code == 200
 
 
+def test_work_is_done_by_another_worker_where_one_is_not_replaced(
+    two: Service, ring: bytes
+) -> None:
+    with held(children(two.process.pid)):
+        os.kill(workers(two.process.pid)[0], signal.SIGKILL)
+        assert [classify(two, ring).status_code for _ in range(4)] == [200] * 4
+    until(lambda: len(workers(two.process.pid)) == 2)
+
+
+def test_no_worker_at_all_is_told_at_the_deadline(hasty: Service, ring: bytes) -> None:
+    before = workers(hasty.process.pid)
+    with held(children(hasty.process.pid)):
+        os.kill(before[0], signal.SIGKILL)
+        for _ in range(2):
+            assert problem_of(classify(hasty, ring), 504)["fault"] == "deadline"
+        assert queue(hasty) == 0
+    replaced(hasty, before)
+    assert classify(hasty, ring).status_code == 200
+
+
 def test_idle_workers_that_die_are_replaced(two: Service, ring: bytes) -> None:
     before = workers(two.process.pid)
     for worker in before:
