@@ -29,7 +29,7 @@ class Admission:
     held for them.
 
     patience: seconds that a request has; one that would wait longer is refused as it comes.
-    clock: seconds, monotonic.
+    workers: how many meshes are classified at a time. clock: seconds, monotonic.
     """
 
     def __init__(
@@ -37,13 +37,16 @@ class Admission:
         most_requests: int,
         most_bytes: int,
         patience: float,
+        workers: int,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._most_requests = most_requests
         self._most_bytes = most_bytes
         self._patience = patience
+        self._workers = workers
         self._clock = clock
-        # When answers were given, since there was last nothing to do.
+        # When answers were given, since a worker had last nothing to do: before that, they came as
+        # they were asked for.
         self._answered: deque[float] = deque(maxlen=RATE_WINDOW)
         self._visitors = 0
         self.open = True
@@ -75,12 +78,15 @@ class Admission:
         self._check(count)
         self.requests += count
 
-    def leave(self) -> None:
+    def answer(self) -> None:
         """Count one mesh out, which was answered."""
-        self.requests -= 1
-        if self.requests:
-            self._answered.append(self._clock())
-        else:
+        self._answered.append(self._clock())
+        self.leave(1)
+
+    def leave(self, count: int) -> None:
+        """Count meshes out."""
+        self.requests -= count
+        if self.requests < self._workers:
             self._answered.clear()
 
     def hold(self, count: int) -> None:

@@ -21,5 +21,8 @@ def start_workers(settings: Settings) -> WorkerPool:
 def open_admission(settings: Settings) -> Admission:
     """Let in as much as the settings bound."""
     return Admission(
-        settings.max_queue_requests, settings.max_queue_bytes, settings.deadline_seconds
+        settings.max_queue_requests,
+        settings.max_queue_bytes,
+        settings.deadline_seconds,
+        settings.workers,
     )

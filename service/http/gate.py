@@ -95,16 +95,17 @@ class Visit:
         return message
 
     def take_on(self, count: int) -> None:
-        """Count so many meshes in: one for a complete body, then what more there is in it.
+        """Have so many meshes counted in: one for a complete body, then all that are in it.
 
         Raises Full.
         """
-        self._admission.enter(count)
-        self._meshes += count
+        if count > self._meshes:
+            self._admission.enter(count - self._meshes)
+            self._meshes = count
 
     def finish(self) -> None:
         """Count one mesh out, which has its answer."""
-        self._admission.leave()
+        self._admission.answer()
         self._meshes -= 1
 
     def take_back(self) -> bool:
@@ -116,6 +117,5 @@ class Visit:
         """Give back what the request held, and take back what it no longer waits for."""
         self.take_back()
         self._admission.release(self._notes.received)
-        while self._meshes:
-            self.finish()
+        self._admission.leave(self._meshes)
         self._admission.depart()

@@ -58,7 +58,7 @@ class Serving:
         Raises Full, and then none is queued.
         """
         visit: Visit = request.state.visit
-        visit.take_on(len(works) - 1)
+        visit.take_on(len(works))
         for work in works:
             await notes_of(request).add_content(work.content)
         visit.jobs += [self.pool.submit(work, visit.expires) for work in works]

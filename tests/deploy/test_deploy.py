@@ -66,7 +66,7 @@ def paths() -> set[str]:
     """The paths of the service."""
     pool = WorkerPool(Setup((), Limits(), memory_bytes=0, seconds=1.0), workers=0)
     pool.models = {"any": {"name": "any", "sha256": "0" * 64}}
-    app = create_app(pool, Admission(9, 9999, 9.0), Settings())
+    app = create_app(pool, Admission(9, 9999, 9.0, workers=1), Settings())
     assert isinstance(app, Observed)
     return {route.path for route in app.routes if isinstance(route, Route)}
 

@@ -19,7 +19,7 @@ def clock() -> Clock:
 
 @pytest.fixture
 def admission(clock: Clock) -> Admission:
-    return Admission(most_requests=100, most_bytes=1000, patience=10.0, clock=clock)
+    return Admission(most_requests=100, most_bytes=1000, patience=10.0, workers=2, clock=clock)
 
 
 def busy(admission: Admission, clock: Clock, seconds: float) -> None:
@@ -28,7 +28,7 @@ def busy(admission: Admission, clock: Clock, seconds: float) -> None:
         admission.enter()
     for _ in range(10):
         clock.now += seconds
-        admission.leave()
+        admission.answer()
 
 
 def test_places_are_counted(admission: Admission) -> None:
@@ -39,7 +39,7 @@ def test_places_are_counted(admission: Admission) -> None:
         admission.arrive()
     with pytest.raises(Full):
         admission.enter()
-    admission.leave()
+    admission.answer()
     admission.arrive()
 
 
@@ -74,13 +74,28 @@ def test_a_service_that_hangs_is_seen_to_slow_down(admission: Admission, clock: 
         admission.arrive()
 
 
-def test_idle_time_is_no_measure_of_the_rate(admission: Admission, clock: Clock) -> None:
+@pytest.mark.parametrize("running", [0, 1])
+def test_idle_time_is_no_measure_of_the_rate(
+    admission: Admission, clock: Clock, running: int
+) -> None:
+    """Of one worker, either: the other may have taken long over one mesh."""
     busy(admission, clock, 0.1)
-    for _ in range(40):
-        admission.leave()
+    for _ in range(40 - running):
+        admission.answer()
     clock.now += 1000
+    admission.arrive()
     admission.enter()
     assert admission.wait() == 0
+
+
+def test_what_leaves_without_an_answer_says_nothing_of_the_rate(
+    admission: Admission, clock: Clock
+) -> None:
+    busy(admission, clock, 0.1)
+    before = admission.wait()
+    admission.enter(20)
+    admission.leave(20)
+    assert admission.wait() == before
 
 
 def test_once_closed_it_ends_with_the_last_visitor(admission: Admission) -> None:

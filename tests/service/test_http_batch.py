@@ -128,7 +128,7 @@ class Played:
 
     def __init__(self) -> None:
         self.pool = PatientPool()
-        self.app = create_app(self.pool, Admission(9, 9999, 9.0), Settings())
+        self.app = create_app(self.pool, Admission(9, 9999, 9.0, workers=1), Settings())
         self.request = httpx.Request(
             "POST", "http://any/v1/classify/batch", files=form(*[("a.obj", b"v")] * 3)
         )

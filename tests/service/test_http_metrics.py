@@ -121,5 +121,5 @@ def test_openmetrics_for_those_who_ask_for_it(counted: Service) -> None:
 
 def test_two_apps_in_one_process_count_apart() -> None:
     pool = WorkerPool(Setup((), Limits(), memory_bytes=0, seconds=1.0), workers=0)
-    first, second = (Metrics(pool, Admission(9, 9999, 9.0)) for _ in range(2))
+    first, second = (Metrics(pool, Admission(9, 9999, 9.0, workers=1)) for _ in range(2))
     assert first.registry is not second.registry

@@ -158,7 +158,7 @@ class FailingPool(WorkerPool):
 
 
 def test_an_unforeseen_failure_hides_its_reason_and_names_the_request() -> None:
-    app = create_app(FailingPool(), Admission(9, 9999, 9.0), Settings())
+    app = create_app(FailingPool(), Admission(9, 9999, 9.0, workers=1), Settings())
     transport = httpx.ASGITransport(app, raise_app_exceptions=False)
 
     async def ask() -> httpx.Response:
