@@ -77,4 +77,8 @@ def _check(vertices: NDArray, faces: NDArray) -> None:
             "more than a floating-point number can measure; scale it down",
         )
     if not extent.any():
-        raise UnusableMesh("zero-extent", f"all {len(used)} vertices lie in one point")
+        raise UnusableMesh(
+            "zero-extent",
+            f"all {len(used)} vertices lie in one point; export the mesh "
+            "again, in units in which it does not vanish",
+        )

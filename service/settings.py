@@ -68,6 +68,7 @@ class Settings(BaseSettings):
     worker_memory_bytes: int = Field(
         default=2048 * MIB,
         ge=64 * MIB,
+        le=2**50,
         description="Memory that one mesh may take in a worker, above what the models take.",
     )
     max_queue_requests: int = Field(

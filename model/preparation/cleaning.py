@@ -55,7 +55,8 @@ def clean(mesh: Mesh) -> tuple[NDArray[np.float64], NDArray[np.int32], dict[str,
     if len(faces) == 0:
         raise UnusableMesh(
             "no-area",
-            f"none of the {len(mesh.faces)} faces has an area: all are lines or points",
+            f"none of the {len(mesh.faces)} faces has an area: all are lines or "
+            "points; export the surface, in units in which it does not vanish",
         )
     faces, winding, duplicates = merge_duplicates(faces)
     touching, _, nonmanifold = find_twins(faces, len(vertices), False)

@@ -72,6 +72,8 @@ def bounded_connection(seconds: float, most: int) -> type[asyncio.Protocol]:
             refusal = self._refusal
             if refusal is None and len(self.connections) > most:
                 refusal = crowded(most)
+            if refusal is None and self._head_size() > MOST_HEAD_BYTES:
+                refusal = HeadTooLong(MOST_HEAD_BYTES)
             if refusal is None and self.parser.should_upgrade() and self._has_body():
                 refusal = UpgradeAsked()
             self._told()["refusal"] = refusal
@@ -126,6 +128,10 @@ def bounded_connection(seconds: float, most: int) -> type[asyncio.Protocol]:
                 self._told()["refusal"] = refusal
                 self.cycle.keep_alive = False
                 self.cycle.message_event.set()
+
+        def _head_size(self) -> int:
+            """Bytes of the request's target and headers, which may all have come at once."""
+            return len(self.url) + sum(len(name) + len(value) + 4 for name, value in self.headers)
 
         def _has_body(self) -> bool:
             return any(

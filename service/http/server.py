@@ -79,8 +79,8 @@ class _Server(uvicorn.Server):
             self._admission.close()
             self._ends = time.monotonic() + self._grace
         else:
+            self.force_exit = self.should_exit  # it only waits for connections to close by now
             self._end(0)
-            self.force_exit = True
 
     async def on_tick(self, counter: int) -> bool:
         left = self._ends - time.monotonic()

@@ -98,7 +98,16 @@ async def _read_form(request: Request, most: int) -> FormData:
     except MultiPartException as error:
         if error.message.startswith("Too many files"):
             raise TooManyMeshes(most) from None
-        raise MalformedFile("bad-request", error.message) from None
+        raise _no_form(error.message.rstrip(".")) from None
+    except UnicodeError as error:  # from the charset that the form says it is in
+        raise _no_form(str(error)) from None
+
+
+def _no_form(reason: str) -> MalformedFile:
+    return MalformedFile(
+        "bad-request",
+        f"the form cannot be read: {reason}; send it as 'curl -F file=@mesh.obj' does",
+    )
 
 
 def _uploads(form: FormData) -> list[Upload]:

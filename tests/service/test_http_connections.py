@@ -152,6 +152,17 @@ def test_headers_without_end(few: Service) -> None:
     assert count(few, route="none", status="431", fault="head-too-long") == 1
 
 
+def test_headers_that_are_too_long_but_come_at_once(few: Service) -> None:
+    """Among them those of a request behind another."""
+    long = LIVE_REQUEST.removesuffix(b"\r\n") + b"X-Padding: " + b"x" * MOST_HEAD_BYTES
+    for before in (b"", LIVE_REQUEST):
+        with connection(few) as opened:
+            opened.sendall(before + long + b"\r\n\r\n")
+            *answered, last = told(opened)
+        assert [status for status, _, _ in answered] == [200] * bool(before)
+        refused(last, 431, "head-too-long")
+
+
 def test_more_connections_than_are_served(few: Service) -> None:
     """Each is told so and closed, but for probes; and when others have left, it is served."""
     before = count(few, status="503", fault="full", route="/v1/limits")

@@ -18,6 +18,8 @@ from tests.service.conftest import LIMIT, Service
 
 STL = {"content-type": "model/stl"}
 NAN_STL = b"solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 nan\nvertex 1 0 0\nvertex 0 1 0\n"
+MULTIPART = "multipart/form-data; boundary=b"
+FORM = b'--b\r\nContent-Disposition: form-data; name="file"; filename="a.obj"\r\n\r\nv\r\n--b--\r\n'
 NAN_STL += b"endloop\nendfacet\nendsolid a\n"
 
 
@@ -44,7 +46,8 @@ def test_request_ids_differ(client: httpx.Client) -> None:
         (b"\0" * 10, STL, 400, "truncated"),
         (b"glTF" + b"\xff" * 40, {"content-type": "model/gltf-binary"}, 400, None),
         (b"{nothing", {"content-type": "multipart/form-data"}, 400, "bad-request"),
-        (b"{nothing", {"content-type": "multipart/form-data; boundary=b"}, 400, "bad-request"),
+        (b"{nothing", {"content-type": MULTIPART}, 400, "bad-request"),
+        (FORM, {"content-type": f"{MULTIPART}; charset=undefined"}, 400, "bad-request"),
         (b"v 0 0 0\n", {"content-type": "text/plain"}, 415, "unknown-media-type"),
         (b"{}", {"content-type": "application/json"}, 415, "unknown-media-type"),
         (b"v 0 0 0\nf 1 1 1\n", STL, 415, "format-mismatch"),

@@ -12,6 +12,7 @@ import subprocess
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import httpx
 import onnx
@@ -23,9 +24,10 @@ from service.settings import Settings
 from tests.commands import PROGRAM, meshconv3d
 from tests.processes import family, held, until, workers
 from tests.service.conftest import Service
-from tests.service.metrics import queue
+from tests.service.metrics import queue, value
 
 README = Path(__file__).parents[2] / "README.md"
+ANSWERED = {"route": "/v1/classify", "status": "200", "fault": ""}
 OPERATIONS = README.parent / "docs" / "operations.md"
 
 
@@ -90,21 +92,50 @@ def test_a_stop_in_the_middle_of_a_batch_answers_all_of_it(
 def test_a_stop_does_not_wait_for_ever(
     start: Callable[..., Service], meshes: Path, patience: str
 ) -> None:
+    """What has no answer by then is told so, each mesh of a batch."""
     service = start("--workers", "1", "--grace-seconds", "1" if patience == "grace" else "60")
     content = (meshes / "ring.obj").read_bytes()
+    files = [("file", ("ring.obj", content))] * 3
     began = family(service.process.pid)
-    with ThreadPoolExecutor(1) as pool, held(workers(service.process.pid)):
-        accepted = pool.submit(
-            httpx.post, f"{service.url}/v1/classify", content=content, timeout=60
-        )
-        until(lambda: queue(service) == 1)
+
+    def post(path: str, **body: Any) -> httpx.Response:
+        return httpx.post(f"{service.url}/v1/{path}", **body, timeout=60)
+
+    with ThreadPoolExecutor(2) as pool, held(workers(service.process.pid)):
+        one = pool.submit(post, "classify", content=content)
+        several = pool.submit(post, "classify/batch", files=files)
+        until(lambda: queue(service) == 4)
         service.process.send_signal(signal.SIGTERM)
         if patience == "second signal":
             until(lambda: httpx.get(f"{service.url}/readyz").status_code == 503)
             service.process.send_signal(signal.SIGTERM)
         assert service.process.wait(10) == 0
-        assert (accepted.result().status_code, accepted.result().json()["fault"]) == (503, "full")
+        assert (one.result().status_code, one.result().json()["fault"]) == (503, "full")
+        lines = [json.loads(line) for line in several.result().text.splitlines()]
+        assert [line["error"]["fault"] for line in lines] == ["full"] * 3
         until(lambda: not any(Path(f"/proc/{process}").exists() for process in began))
+    assert "Traceback" not in service.log.read_text()
+
+
+def test_a_service_that_is_killed_leaves_nothing(
+    start: Callable[..., Service], meshes: Path
+) -> None:
+    service = start("--workers", "2")
+    content = (meshes / "ring.obj").read_bytes()
+    began = family(service.process.pid)
+
+    def ask_on() -> None:
+        with httpx.Client(base_url=service.url) as client:
+            while True:
+                client.post("/v1/classify", content=content)
+
+    with ThreadPoolExecutor(6) as pool:
+        lost = [pool.submit(ask_on) for _ in range(6)]
+        until(lambda: value(service, "requests_total", **ANSWERED) > 100)
+        service.process.kill()
+        assert all(isinstance(each.exception(), httpx.TransportError) for each in lost)
+    until(lambda: not any(Path(f"/proc/{process}").exists() for process in began))
+    assert "Traceback" not in service.log.read_text()
 
 
 def test_several_models_are_told_apart_by_name(
@@ -191,6 +222,7 @@ def test_a_model_that_fails_its_self_test_answers_nothing(
         (["--max-faces", "many"], {}, "bad setting: max_faces"),
         (["--deadline-seconds", "0"], {}, "bad setting: deadline_seconds"),
         (["--worker-memory-bytes", "1000"], {}, "bad setting: worker_memory_bytes"),
+        (["--worker-memory-bytes", str(2**63)], {}, "bad setting: worker_memory_bytes"),
         (["--max-queue-bytes", "1000"], {}, "max_queue_bytes (1000) must be at least"),
         (["--model", "nothing"], {}, "no model 'nothing'"),
         ([], {"MESHCONV3D_MODELS": ","}, "bad setting: models"),

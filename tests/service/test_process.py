@@ -1,0 +1,25 @@
+"""The inside of a worker process, in this one."""
+
+import socket
+from ctypes import c_uint64
+
+import pytest
+
+from model.loading import Limits
+from service.workers import Setup, Work, process
+from service.workers.frames import framed
+
+SETUP = Setup((), Limits(), memory_bytes=0, seconds=30.0)
+
+
+@pytest.mark.parametrize("gone", ["warm_up", "classify"])
+def test_a_worker_whose_other_end_is_gone_just_ends(
+    monkeypatch: pytest.MonkeyPatch, gone: str
+) -> None:
+    """Whatever it does meanwhile: nobody is left to tell."""
+    ours, theirs = socket.socketpair()
+    ours.sendall(b"".join(framed(Work("any", b"v", None, None))))
+    for step in ("warm_up", "classify"):
+        monkeypatch.setattr(process, step, lambda _, last=step == gone: last and ours.close())
+    with theirs:
+        process.run(theirs, c_uint64(), c_uint64(), SETUP)
