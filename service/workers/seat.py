@@ -67,14 +67,16 @@ class Seat:
         """Wait for a piece of work, and do it."""
         job, number = self._ahead or (await self._jobs.take(CHECK_SECONDS), None)
         self._ahead = None
-        if job is None:
-            if not worker.alive:
-                worker.end()
-            return
-        if job.attempts and number is None and not worker.alive:
+        # To look after the worker each time would take longer than to hand it work.
+        if number is None and (job is None or job.attempts) and not worker.alive:
             worker.end()
-            self._jobs.put_back(job)
-            return
+            if job is not None:
+                self._jobs.put_back(job)
+        elif job is not None:
+            await self._do(job, number, worker)
+
+    async def _do(self, job: Job, number: int | None, worker: Worker) -> None:
+        """Do work, which the worker may have under a number, and tell what became of it."""
         expires = job.expires
         if expires is None:
             expires = time.monotonic() + self._setup.seconds
