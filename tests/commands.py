@@ -35,7 +35,7 @@ def meshconv3d(
     )
 
 
-def interruptible(*arguments: object) -> subprocess.Popen[str]:
+def interruptible(*arguments: object, variables: Mapping[str, str] = {}) -> subprocess.Popen[str]:
     """Begin it with its output piped, in a session of its own, where signals do what they do at a
     terminal, whatever they do to the tests."""
     return subprocess.Popen(
@@ -43,7 +43,7 @@ def interruptible(*arguments: object) -> subprocess.Popen[str]:
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
-        env=environment(),
+        env=environment(**variables),
         start_new_session=True,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )

@@ -2,6 +2,9 @@
 fraction of a second, with all libraries loaded and all kernels compiled."""
 
 import signal
+import sys
+from pickle import UnpicklingError
+from types import TracebackType
 
 import service.workers.tasks  # noqa: F401 (that it is loaded is the point)
 from model.config import NetworkConfig
@@ -14,6 +17,15 @@ from model.samples import sample_paths
 # workers go on until the service has finished what it accepted: they end when it does.
 signal.signal(signal.SIGTERM, signal.SIG_IGN)
 signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _told(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
+    """Say nothing of a worker that cannot be told what it is to do: who asked for it is gone."""
+    if not issubclass(kind, EOFError | UnpicklingError):
+        sys.__excepthook__(kind, error, trace)
+
+
+sys.excepthook = _told
 
 # The samples come in all formats, with too many faces and too few.
 _config = NetworkConfig(classes=("this", "that"))

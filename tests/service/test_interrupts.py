@@ -54,3 +54,17 @@ def test_an_interrupt_as_workers_start_is_told_in_a_word(
     _, said = process.communicate(timeout=30)
     assert "Traceback" not in said
     assert process.returncode in (0, 130)
+
+
+def test_a_stop_as_libraries_are_compiled_is_told_in_a_word(
+    model_file: Path, tmp_path: Path
+) -> None:
+    """Workers that were asked for before are not to be any more."""
+    compiled = {"NUMBA_CACHE_DIR": str(tmp_path)}
+    process = interruptible("serve", "--port", "0", "--model", model_file, variables=compiled)
+    until(lambda: children(process.pid))
+    time.sleep(0.5)
+    process.send_signal(signal.SIGTERM)
+    _, said = process.communicate(timeout=60)  # until all that came from it are gone
+    assert "Traceback" not in said
+    assert process.returncode == 0
