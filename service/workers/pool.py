@@ -1,18 +1,15 @@
 """Workers that are kept alive and warm, and handed meshes one by one, in order."""
 
 import asyncio
-from concurrent.futures import wait
+from concurrent.futures import Future
 from typing import Any
 
 from export.metadata import ModelFileError
 from service.workers.jobs import Job, Jobs
 from service.workers.seat import Seat
 from service.workers.tasks import Setup, Work
-from service.workers.worker import start_worker
+from service.workers.worker import Worker, start_worker
 
-# How long a pool that is stopped as it starts waits for what its workers are just being told: they
-# would complain of the rest. In seconds.
-START_SECONDS = 5.0
 # How long to wait for seats that are told of the end, in seconds.
 CLOSE_SECONDS = 1.0
 
@@ -46,9 +43,8 @@ class WorkerPool:
             for started in starting:
                 self.models = _by_name(started.result().models)
         except BaseException:
-            for started in wait(starting, START_SECONDS).done:
-                if started.exception() is None:
-                    started.result().end()
+            for started in starting:
+                started.add_done_callback(_end)
             raise
         self._seats = [Seat(self._setup, self._jobs, each.result()) for each in starting]
 
@@ -91,6 +87,11 @@ class WorkerPool:
         """Wait until nothing is left of a pool that was closed."""
         if self._tasks:
             await asyncio.wait(self._tasks, timeout=CLOSE_SECONDS)
+
+
+def _end(started: Future[Worker]) -> None:
+    if started.exception() is None:
+        started.result().end()
 
 
 def _by_name(models: list[dict[str, Any]]) -> dict[str, dict[str, Any]]:

@@ -56,14 +56,11 @@ def test_an_interrupt_as_workers_start_is_told_in_a_word(
     assert process.returncode in (0, 130)
 
 
-def test_a_stop_as_libraries_are_compiled_is_told_in_a_word(
-    model_file: Path, tmp_path: Path
-) -> None:
+def test_a_stop_as_libraries_are_compiled_is_told_in_a_word(tmp_path: Path) -> None:
     """Workers that were asked for before are not to be any more."""
-    compiled = {"NUMBA_CACHE_DIR": str(tmp_path)}
-    process = interruptible("serve", "--port", "0", "--model", model_file, variables=compiled)
-    until(lambda: children(process.pid))
-    time.sleep(0.5)
+    process = interruptible("serve", "--port", "0", variables={"NUMBA_CACHE_DIR": str(tmp_path)})
+    until(lambda: len(children(process.pid)) == 2)  # the second forks them, once it can
+    time.sleep(1)  # until it is asked for them
     process.send_signal(signal.SIGTERM)
     _, said = process.communicate(timeout=60)  # until all that came from it are gone
     assert "Traceback" not in said
