@@ -24,11 +24,17 @@ from service.classifier import Classifier
 
 RESULTS = Path(__file__).parent / "results"
 
-CHANGES: dict[str, Callable[[Mesh, np.random.Generator], Mesh]] = {
+Change = Callable[[Mesh, np.random.Generator], Mesh]
+
+# Of the mesh as it is in its file.
+CHANGES_OF_FILES: dict[str, Change] = {
     "unchanged": lambda mesh, rng: mesh,
     "rotated at random": lambda mesh, rng: mesh.moved(mesh.vertices @ random_rotation(rng).T),
     "winding inverted": lambda mesh, rng: variation.inverted(mesh),
     "triangle soup": lambda mesh, rng: variation.as_soup(mesh),
+}
+# Of the prepared mesh, which is sound; what they make of it is prepared once more.
+CHANGES: dict[str, Change] = {
     "subdivided with jitter": variation.retriangulated,
     "two Loop subdivisions": lambda mesh, rng: variation.smoothed(mesh, 2),
     "250 faces": lambda mesh, rng: variation.with_faces(mesh, 250),
@@ -52,16 +58,18 @@ def main() -> None:
     classifier = Classifier.load(arguments.model)
     samples = [s for s in find_samples(arguments.data, arguments.split) if s.split == "test"]
     budget = classifier.model.card.config.face_budget
-    # The changes need a sound mesh to start from; what they make of it is prepared once more.
-    labelled = [(prepare(load_mesh(s.path), budget)[0], s.label) for s in samples]
-    print(f"{arguments.model} on {len(labelled)} test meshes of {arguments.data.name}")
+    labels = [sample.label for sample in samples]
+    files = [load_mesh(sample.path) for sample in samples]
+    prepared = [prepare(mesh, budget)[0] for mesh in files]
+    print(f"{arguments.model} on {len(files)} test meshes of {arguments.data.name}")
     table = {}
-    for title, change in CHANGES.items():
-        rng = np.random.default_rng(0)
-        right = sum(answer(classifier, change(mesh, rng)) == label for mesh, label in labelled)
-        table[title] = right / len(labelled)
-        print(f"  {title:30} {table[title]:7.1%}", flush=True)
-    results = {"model": classifier.model.sha256, "meshes": len(labelled), "accuracy": table}
+    for meshes, changes in ((files, CHANGES_OF_FILES), (prepared, CHANGES)):
+        for title, change in changes.items():
+            rng = np.random.default_rng(0)
+            found = [answer(classifier, change(mesh, rng)) for mesh in meshes]
+            table[title] = float(np.mean(np.array(found) == labels))
+            print(f"  {title:30} {table[title]:7.1%}", flush=True)
+    results = {"model": classifier.model.sha256, "meshes": len(files), "accuracy": table}
     path = RESULTS / f"robustness_{classifier.model.card.name}.json"
     path.write_text(json.dumps(results, indent=2) + "\n")
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import click
 
 if TYPE_CHECKING:
+    from export.metadata import Probe
     from model.checkpoint import Checkpoint
     from model.inputs import MeshInputs
 
@@ -65,7 +66,8 @@ def verify(model: Path, checkpoint: Path, meshes: tuple[Path, ...]) -> None:
     loaded = _load(checkpoint)
     content = model.read_bytes()
     try:
-        parity = check_parity(content, loaded.network, list(_inputs(loaded, meshes).values()))
+        inputs = _inputs(loaded, meshes)
+        parity = check_parity(content, loaded.network, list(inputs.values()))
         properties = onnx.load_model_from_string(content).metadata_props
         card = read_card({entry.key: entry.value for entry in properties})
     except (ParityError, ModelFileError) as error:
@@ -75,7 +77,32 @@ def verify(model: Path, checkpoint: Path, meshes: tuple[Path, ...]) -> None:
             f"{model}: its card describes another network: {card.config}, "
             f"the checkpoint's is {loaded.network.config}"
         )
+    if card.calibration != loaded.calibration:
+        raise click.ClickException(
+            f"{model}: its scores are read by {card.calibration}, "
+            f"the checkpoint's by {loaded.calibration}"
+        )
+    _verify_probe(model, card.probe, loaded, inputs)
     click.echo(f"{model} agrees with {checkpoint}: {_parity(parity)}")
+
+
+def _verify_probe(
+    model: Path, found: "Probe", checkpoint: "Checkpoint", inputs: "dict[str, MeshInputs]"
+) -> None:
+    """That whoever opens the model tests it by the scores of the checkpoint."""
+    import numpy as np
+
+    from export.onnx_file import probe
+    from export.parity import TOLERANCE
+
+    if found.sample not in inputs:
+        raise click.ClickException(f"{model}: it is tested on {found.sample!r}, which is no sample")
+    expected = probe(checkpoint.network, found.sample, inputs[found.sample]).scores
+    if not np.allclose(found.scores, expected, rtol=TOLERANCE, atol=TOLERANCE):
+        raise click.ClickException(
+            f"{model}: it is tested by the scores {found.scores} for {found.sample}, "
+            f"the checkpoint gives {expected}"
+        )
 
 
 def _load(path: Path) -> "Checkpoint":

@@ -98,12 +98,13 @@ def read_card(properties: Mapping[str, str]) -> ModelCard:
             )
         preparation = values.pop("preparation", "missing: preparation")
         card = TypeAdapter(ModelCard).validate_python(values)
+        TypeAdapter(ModelCard).dump_json(card)  # or nobody could be told of it
     except ModelFileError:
         raise
     except ValidationError as error:
         problems = "; ".join(f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors())
         raise ModelFileError(f"the model file's metadata is damaged: {problems}") from None
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise ModelFileError(f"the model file's metadata is damaged: {error}") from None
     if preparation != card.preparation:
         raise ModelFileError(

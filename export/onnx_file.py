@@ -1,7 +1,6 @@
 """Write a checkpoint as one ONNX file that carries its own card."""
 
 import logging
-import os
 import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -16,6 +15,7 @@ from export.parity import OUTPUTS, check_parity
 from export.translation import TRANSLATIONS
 from model.checkpoint import Checkpoint
 from model.config import NetworkConfig
+from model.files import write_whole
 from model.inputs import MeshInputs, collate, input_names
 from model.network import Network, as_tensors
 
@@ -49,9 +49,7 @@ def export_model(
         about=about,
     )
     onnx.helper.set_model_props(graph, card.to_properties())
-    partial = path.with_name(path.name + ".partial")
-    partial.write_bytes(graph.SerializeToString())
-    os.replace(partial, path)
+    write_whole(path, graph.SerializeToString())
     return card
 
 

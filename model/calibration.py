@@ -20,8 +20,8 @@ class Calibration:
     varied copies included, it was measured on.
     """
 
-    temperature: Annotated[float, Field(gt=0)]
-    novelty_limit: float
+    temperature: Annotated[float, Field(ge=1e-3, le=1e3)]
+    novelty_limit: Annotated[float, Field(allow_inf_nan=False)]
     meshes: int
 
 

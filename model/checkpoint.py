@@ -1,7 +1,6 @@
 """Checkpoints: weights as safetensors, with the configuration in their metadata. No pickle."""
 
 import json
-import os
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -9,16 +8,18 @@ from typing import Any
 import torch
 from pydantic import TypeAdapter
 from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
+from safetensors.torch import save
 
 from model.calibration import Calibration
 from model.config import NetworkConfig
+from model.files import write_whole
 from model.network import Network
 
 FORMAT_VERSION = 2
 
 
 _CALIBRATION = TypeAdapter(Calibration | None)
+_TRAINING = TypeAdapter(dict[str, Any])
 
 
 class CheckpointError(ValueError):
@@ -65,8 +66,10 @@ def load_checkpoint(path: Path) -> Checkpoint:
             )
         network = Network(NetworkConfig.from_json(metadata["config"]))
         network.load_state_dict(tensors)
+        if not all(tensor.isfinite().all() for tensor in tensors.values()):
+            raise ValueError("its weights are not all finite numbers; train it again")
         calibration = _CALIBRATION.validate_json(metadata["calibration"])
-        training = json.loads(metadata["training"])
+        training = _TRAINING.validate_json(metadata["training"])
     except CheckpointError:
         raise
     except KeyError as error:
@@ -80,10 +83,8 @@ def load_checkpoint(path: Path) -> Checkpoint:
 
 
 def save_tensors(tensors: dict[str, torch.Tensor], metadata: dict[str, str], path: Path) -> None:
-    """Write a safetensors file atomically."""
-    partial = path.with_name(path.name + ".partial")
-    save_file({k: v.contiguous() for k, v in tensors.items()}, partial, metadata)
-    os.replace(partial, path)
+    """Write a safetensors file atomically. Raises OSError."""
+    write_whole(path, save({k: v.contiguous() for k, v in tensors.items()}, metadata))
 
 
 def load_tensors(path: Path) -> tuple[dict[str, torch.Tensor], dict[str, str]]:

@@ -100,7 +100,7 @@ def _read_settings(
 )
 @click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True)
 @click.option("--device", default="cpu", show_default=True, help="cpu, cuda, cuda:1, ...")
-@click.option("--threads", type=click.IntRange(1), help="CPU threads. [default: all]")
+@click.option("--threads", type=click.IntRange(1, 1024), help="CPU threads. [default: all]")
 def train(
     data: Path,
     out: Path,
@@ -151,6 +151,9 @@ def train(
     )
     parts = {split: _load(samples, split, config, training) for split in SPLITS}
     versions = parts["train"].versions
+    trained = {version.label for version, *_ in versions}
+    if missing := [name for i, name in enumerate(config.classes) if i not in trained]:
+        raise click.UsageError(f"no training mesh can be used of: {', '.join(missing)}")
     if len(versions) < batch_size:
         raise click.UsageError(
             f"{len(versions)} training meshes do not fill a batch: choose a --batch-size below"

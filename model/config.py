@@ -11,7 +11,7 @@ from pydantic.dataclasses import dataclass
 
 from model.topology import Reading
 
-Size = Annotated[int, Field(ge=1)]
+Size = Annotated[int, Field(ge=1, le=2**20)]
 Sizes = Annotated[tuple[Size, ...], Field(min_length=1)]
 
 
@@ -114,6 +114,8 @@ def preset(
     """
     if name not in PRESETS:
         raise ValueError(f"unknown preset {name!r}; there are {', '.join(PRESETS)}")
+    if "classes" in settings:
+        raise ValueError("classes: they are those of the data")
     try:
         return NetworkConfig(**{**PRESETS[name], **settings, "classes": classes})
     except ValidationError as error:

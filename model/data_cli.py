@@ -91,6 +91,8 @@ def split(folder: Path, out: Path, train: int, seed: int) -> None:
 
     try:
         samples = random_split(list_samples(folder), train, 0, seed)
+        if not samples:
+            raise DatasetError(f"there are no meshes CLASS/*.obj, of whatever format, in {folder}")
         write_split(samples, out)
     except DatasetError as error:
         raise click.UsageError(str(error)) from None

@@ -51,6 +51,9 @@ def find_samples(root: Path, split_file: Path | None = None) -> list[Sample]:
         )
     if untrained := sorted(set(class_names(samples)) - trained):
         raise DatasetError(f"classes without training meshes: {', '.join(untrained)}")
+    for label in trained:
+        if not label.isprintable():
+            raise DatasetError(f"a class is called {label!a}: rename its folder, as UTF-8 text")
     return samples
 
 
@@ -92,6 +95,8 @@ def _from_table(root: Path, split_file: Path) -> list[Sample]:
             samples = [_from_row(root, split_file, row) for row in table]
     except UnicodeDecodeError as error:
         raise DatasetError(f"{split_file} is not UTF-8 text: {error.reason}") from None
+    except csv.Error as error:
+        raise DatasetError(f"{split_file} is no table: {error}") from None
     paths = Counter(sample.path for sample in samples)
     twice = [str(path) for path, count in paths.items() if count > 1]
     if twice:
@@ -163,7 +168,7 @@ def load_samples(
     for index, sample in enumerate(progress(samples)):
         try:
             mesh, _ = prepare(load_mesh(sample.path), config.face_budget)
-        except MeshError as error:
+        except (MeshError, OSError) as error:
             log.warning("%s is left out: %s", sample.path, error)
             continue
         rng = np.random.default_rng([seed, index])

@@ -2,7 +2,6 @@
 
 import json
 import multiprocessing
-import os
 import signal
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -16,6 +15,7 @@ from model.cubes.engraving import MOST_CORNERS, engraved_cube
 from model.cubes.recipe import CubesError, Recipe
 from model.cubes.silhouettes import Silhouette, find_silhouettes, outline
 from model.datasets import Sample
+from model.files import write_whole
 from model.mesh import Mesh
 from model.splits import write_split
 
@@ -72,12 +72,12 @@ def claim(out: Path, recipe: Recipe, seed: int) -> None:
     file = out / RECORD_FILE
     out.mkdir(parents=True, exist_ok=True)
     if file.is_file():
-        if file.read_text() != record:
+        if file.read_bytes() != record.encode():
             raise CubesError(f"{out} holds cubes of another seed or recipe (see {file})")
     elif any(out.iterdir()):
         raise CubesError(f"{out} holds something else: name a new folder, or an empty one")
     else:
-        _write(file, record.encode())
+        write_whole(file, record.encode())
 
 
 def write_held_out(tasks: Sequence[Task], out: Path) -> None:
@@ -126,7 +126,7 @@ def run(task: Task) -> int:
             cube = engraved_cube(shape, rng)
         except CubesError as error:
             raise CubesError(f"{task.silhouette.path}, copy {copy}: {error}") from None
-        _write(task.path(copy), _as_ply(cube))
+        write_whole(task.path(copy), _as_ply(cube))
     return len(missing)
 
 
@@ -135,13 +135,6 @@ def _as_ply(mesh: Mesh) -> bytes:
     content = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).export(file_type="ply")
     assert isinstance(content, bytes)
     return content
-
-
-def _write(path: Path, content: bytes) -> None:
-    """Atomically: a kill leaves the whole file or none."""
-    partial = path.with_name(path.name + ".partial")
-    partial.write_bytes(content)
-    os.replace(partial, path)
 
 
 def _leave_interrupts() -> None:

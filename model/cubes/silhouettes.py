@@ -78,7 +78,7 @@ def _white(path: Path) -> NDArray[np.bool_]:
     try:
         with Image.open(path) as image:
             return np.asarray(image.convert("L")) > 127
-    except (OSError, SyntaxError, ValueError, EOFError) as error:
+    except (OSError, SyntaxError, ValueError, EOFError, Image.DecompressionBombError) as error:
         raise CubesError(f"{path} cannot be read as an image: {error}") from None
 
 

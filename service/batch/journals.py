@@ -3,6 +3,7 @@ process ends."""
 
 import fcntl
 import os
+import shutil
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -61,7 +62,8 @@ class LocalJournal:
 
     def recover(self, keep: Callable[[bytes], bool]) -> None:
         """See `Journal`."""
-        fresh = self._path.with_name(self._path.name + ".new")
+        path = self._path.resolve()  # a link stays one
+        fresh = path.with_name(path.name + ".new")
         kept = open(fresh, "wb")  # noqa: SIM115
         try:
             _lock(kept.fileno(), fresh)
@@ -69,8 +71,9 @@ class LocalJournal:
                 if keep(line):
                     kept.write(line)
             kept.flush()
+            shutil.copymode(path, fresh)
             os.fsync(kept.fileno())
-            os.replace(fresh, self._path)
+            os.replace(fresh, path)
         except BaseException:
             kept.close()
             fresh.unlink()

@@ -2,6 +2,7 @@
 
 import errno
 import os
+import stat
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +12,8 @@ from model.loading import walk_meshes
 from service.batch.entries import Entry
 from service.batch.patterns import split_glob
 from service.records import readable
+
+NO_FILE = "it is no file; pipe what it holds to -"
 
 
 @dataclass(frozen=True)
@@ -45,7 +48,15 @@ class LocalFile:
             return 0  # reading it says why
 
     def read(self) -> bytes:
-        return Path(self.path).read_bytes()
+        """Raises OSError, as for what is no file any more: a pipe would keep who reads it."""
+        with open(self.path, "rb", opener=_at_once) as file:
+            if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+                raise OSError(errno.EINVAL, NO_FILE)
+            return file.read()
+
+
+def _at_once(path: str, flags: int) -> int:
+    return os.open(path, flags | os.O_NONBLOCK)
 
 
 class LocalSource:
@@ -56,7 +67,7 @@ class LocalSource:
             return "folder"
         if os.path.exists(path) and not os.path.isfile(path):
             # A device may have no end, and a pipe can be read once.
-            raise OSError(errno.EINVAL, "it is no file; pipe what it holds to -")
+            raise OSError(errno.EINVAL, NO_FILE)
         return "file" if os.path.isfile(path) else None
 
     def file(self, path: str) -> Entry:

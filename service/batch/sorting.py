@@ -4,6 +4,7 @@ Where a file goes follows from its own name and record alone. So any number of p
 into one folder, and a run that starts again finds its own links.
 """
 
+import errno
 import hashlib
 import os
 import re
@@ -57,6 +58,8 @@ class SortedFolder:
     def _place(self, record: Answer | Refusal, name: str, identity: bytes) -> Path:
         """Where a file belongs. identity: what tells it from others of its name."""
         folder = self.folder.joinpath(*_folders(record))
+        if not folder.resolve().is_relative_to(self.folder.resolve()):
+            raise OSError(errno.EXDEV, "it is a link that leads out of the folder", str(folder))
         digest = hashlib.sha256(identity).hexdigest()[:DIGEST]
         return folder / _file_name(name, digest)
 

@@ -37,6 +37,10 @@ def explaining(
         raise click.UsageError(str(error)) from None
     named = map(readable, files)
     targets = dict(zip(named, _targets(files, out), strict=True))
+    meshes = {Path(file).resolve() for file in files}
+    for _, target in targets.values():
+        if target.resolve() in meshes:
+            raise click.UsageError(f"--explain {out} would overwrite a mesh of the call: {target}")
 
     def classify(work: "Work") -> "Classified":
         found = explain(classifier, work.content, work.declared, label)
@@ -66,8 +70,6 @@ def _targets(files: Sequence[str], out: Path) -> list[tuple[str, Path]]:
     if not out.is_dir() and _extension(out) in FORMS:
         if len(files) > 1:
             raise click.UsageError(f"--explain {out} is one file for {len(files)}: name a folder")
-        if out.exists() and os.path.exists(files[0]) and out.samefile(files[0]):
-            raise click.UsageError(f"--explain {out} would overwrite the mesh itself")
         return [(Path(files[0]).name, out)]
     if out.is_file() or (not out.is_dir() and _extension(out) in READ):
         forms = ", ".join(f".{form}" for form in FORMS)

@@ -14,6 +14,7 @@ def inspect(model: str | None, as_json: bool) -> None:
     [default: the first of MESHCONV3D_MODELS, or shrec11]
     """
     from service.cli.shared import load_classifier
+    from service.cli.terminal import printable
 
     opened = load_classifier(model).model
     card = opened.describe()
@@ -21,11 +22,13 @@ def inspect(model: str | None, as_json: bool) -> None:
         click.echo(json.dumps(card))
         return
     if about := card.pop("about"):
-        click.echo(f"{about.strip()}\n")
+        for line in about.strip().splitlines():
+            click.echo(printable(line))
+        click.echo()
     for name, value in card.items():
         click.echo(f"{name}:")
         for line in _lines(value):
-            click.echo(f"  {line}")
+            click.echo(f"  {printable(line)}")
 
 
 def _lines(value: object) -> list[str]:

@@ -10,7 +10,12 @@ def shown(text: str) -> str:
     """Text as it is, for rich: no markup, and nothing in it commands the terminal."""
     from rich.markup import escape
 
-    return escape("".join(char if char.isprintable() else "\ufffd" for char in text))
+    return escape(printable(text))
+
+
+def printable(text: str) -> str:
+    """Text of which nothing commands the terminal."""
+    return "".join(char if char.isprintable() else "\ufffd" for char in text)
 
 
 def with_progress(items: Iterable[Item], total: int) -> Iterator[Item]:

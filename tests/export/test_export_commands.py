@@ -1,6 +1,7 @@
 """`meshconv3d export`, `verify` and `inspect` from end to end."""
 
 import json
+import math
 from pathlib import Path
 
 import onnx
@@ -91,18 +92,29 @@ def test_verify_fails_on_another_shape(model_file: Path, tmp_path: Path) -> None
     assert "inputs are" in result.stderr
 
 
-def test_verify_fails_when_the_card_swaps_classes(
-    model_file: Path, checkpoint_file: Path, tmp_path: Path
+@pytest.mark.parametrize(
+    ("name", "change", "says"),
+    [
+        ("config", {"classes": ["box", "ball", "ring"]}, "its card describes another network"),
+        ("calibration", {"temperature": 19.0}, "its scores are read by"),
+        ("calibration", None, "its scores are read by None"),
+        ("probe", {"scores": [9.0, 9.0, 9.0]}, "it is tested by the scores"),
+        ("probe", {"scores": [math.nan] * 3}, "it is tested by the scores"),
+        ("probe", {"sample": "cup"}, "'cup', which is no sample"),
+    ],
+)
+def test_verify_fails_when_the_card_says_something_else(
+    model_file: Path, checkpoint_file: Path, tmp_path: Path, name: str, change: dict, says: str
 ) -> None:
     """The graph alone cannot tell: its scores have no names."""
     graph = onnx.load(model_file)
-    (entry,) = (entry for entry in graph.metadata_props if entry.key == PREFIX + "config")
-    entry.value = json.dumps(json.loads(entry.value) | {"classes": ["box", "ball", "ring"]})
-    path = tmp_path / "swapped.onnx"
+    (entry,) = (entry for entry in graph.metadata_props if entry.key == PREFIX + name)
+    entry.value = json.dumps(change and json.loads(entry.value) | change)
+    path = tmp_path / "changed.onnx"
     path.write_bytes(graph.SerializeToString())
     result = run("verify", path, "--checkpoint", checkpoint_file)
     assert result.exit_code == 1
-    assert "its card describes another network" in result.stderr
+    assert says in result.stderr
 
 
 def test_verify_fails_on_what_is_no_model(checkpoint_file: Path) -> None:
@@ -145,3 +157,10 @@ def test_inspect_of_an_unknown_model_is_a_usage_error() -> None:
     result = run("inspect", "nothing")
     assert result.exit_code == 2
     assert "no model 'nothing'" in result.stderr
+
+
+def test_a_card_does_not_command_the_terminal(checkpoint_file: Path, tmp_path: Path) -> None:
+    (tmp_path / "card.md").write_text("Balls, \x1b]0;boxes\n", encoding="utf-8")
+    path = tmp_path / "loud.onnx"
+    assert run("export", checkpoint_file, "-o", path, "--card", tmp_path / "card.md").exit_code == 0
+    assert "Balls, \ufffd]0;boxes\n" in run("inspect", path).stdout

@@ -1,6 +1,7 @@
 """Checkpoints come back as they were, and other files are refused."""
 
 import json
+from pathlib import Path
 
 import pytest
 import torch
@@ -58,13 +59,28 @@ def test_the_file_holds_no_pickle_and_nothing_partial_stays(saved):
 def test_a_failed_write_leaves_the_old_file(config, saved, monkeypatch):
     before = saved.read_bytes()
 
-    def full_disk(*_):
+    def full_disk(path, content):
+        path.touch()
         raise OSError("no space left")
 
-    monkeypatch.setattr("model.checkpoint.save_file", full_disk)
+    monkeypatch.setattr(Path, "write_bytes", full_disk)
     with pytest.raises(OSError, match="no space"):
         save_checkpoint(Checkpoint(untrained(config, seed=1)), saved)
     assert saved.read_bytes() == before
+    assert [path.name for path in saved.parent.iterdir()] == [saved.name]
+
+
+def test_others_may_read_it_where_they_may_read_files(saved):
+    (saved.parent / "file").touch()
+    assert saved.stat().st_mode == (saved.parent / "file").stat().st_mode
+
+
+def test_weights_that_are_no_numbers_are_refused(saved):
+    tensors, metadata = load_tensors(saved)
+    next(iter(tensors.values())).fill_(float("nan"))
+    save_tensors(tensors, metadata, saved)
+    with pytest.raises(CheckpointError, match="not all finite"):
+        load_checkpoint(saved)
 
 
 @pytest.mark.parametrize(
@@ -106,6 +122,9 @@ def test_a_safetensors_file_of_others_is_refused(tmp_path):
         {"config": "nonsense"},
         {"training": None},
         {"training": "{"},
+        {"training": "[1]"},
+        {"training": "[" * 100_000},
+        {"config": '{"classes": ["a"], "face_budget": 1000000000000000000000000000000}'},
         {"format_version": None},
         {"format_version": "one"},
     ],

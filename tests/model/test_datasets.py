@@ -1,6 +1,7 @@
 """Finding, reading and refusing the files of a data set."""
 
 import logging
+import os
 from pathlib import Path
 
 import numpy as np
@@ -112,6 +113,7 @@ def test_a_table_names_the_splits_of_files_in_either_place(tmp_path):
         ("class,file,split\nbox,missing.off,train\n", "box/missing.off, which is not under"),
         ("class,file,split\nbox,one.off,test\n", "classes with training meshes"),
         ("class,file,split\n", "classes with training meshes"),
+        (f"class,file,split\n{'a' * 200_000},b,train\n", "is no table"),
     ],
 )
 def test_a_table_that_does_not_fit_is_refused(folders, table, says):
@@ -140,6 +142,19 @@ def test_samples_are_prepared_and_bad_files_counted(folders, config, caplog):
         assert len(mesh.inputs.surface.twin) == 3 * len(mesh.mesh.faces)
         assert topology_of(mesh.inputs).face_counts[0] == len(mesh.mesh.faces)
         assert np.isfinite(mesh.inputs.terms).all()
+
+
+def test_a_file_that_cannot_be_read_is_left_out(folders, config, caplog):
+    (folders / "box" / "train" / "lost.off").symlink_to("nowhere")
+    samples = [s for s in find_samples(folders) if s.split == "train"]
+    assert load_samples(samples, config).refused == 2
+    assert "lost.off" in caplog.text
+
+
+def test_a_class_has_a_name_that_can_be_written_down(folders):
+    os.rename(folders / "box", os.fsencode(folders) + b"/b\xffx")
+    with pytest.raises(DatasetError, match=r"'b\\udcffx': rename its folder"):
+        find_samples(folders)
 
 
 def test_progress_sees_every_sample(folders, config):

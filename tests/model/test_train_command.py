@@ -68,3 +68,20 @@ def test_what_is_no_checkpoint_is_refused(first: Path, tmp_path: Path) -> None:
     assert result.exit_code == 2
     assert "is not a meshconv3d checkpoint" in result.stderr
     assert not (tmp_path / "run").exists()
+
+
+def test_every_class_needs_a_mesh_that_can_be_used(tmp_path: Path) -> None:
+    data = write(tmp_path / "data", RINGS)
+    for path in (data / "ring" / "train").iterdir():
+        path.write_text("nothing")
+    result = train(data, tmp_path / "out", "--set", "channels=[8,8,8]")
+    assert result.exit_code == 2
+    assert "no training mesh can be used of: ring" in result.output
+    assert not (tmp_path / "out" / "model.safetensors").exists()
+
+
+def test_classes_are_not_a_setting(tmp_path: Path) -> None:
+    data = write(tmp_path / "data", BALLS)
+    result = train(data, tmp_path / "out", "--set", 'classes=["a","b"]')
+    assert result.exit_code == 2
+    assert "classes: they are those of the data" in result.output

@@ -59,15 +59,21 @@ def test_calls_that_cannot_be_carried_out(model_file: Path, meshes: Path, tmp_pa
     ring, sheet = meshes / "ring.obj", meshes / "sheet.obj"
     mine = tmp_path / "mine.ply"
     mine.write_bytes(b"ply")
+    other = tmp_path / "mine.ply.glb"
+    other.write_bytes(b"glTF")
     for arguments, reason in (
         ((ring, sheet, "--explain", tmp_path / "a.glb"), "is one file for 2"),
         ((ring, "--explain", tmp_path / "a.stl"), "neither a folder nor a file with .glb, .ply"),
         ((ring, "--explain", ring), "neither a folder nor a file"),
-        ((mine, "--explain", mine), "overwrite the mesh itself"),
+        ((mine, "--explain", mine), "overwrite a mesh of the call"),
+        ((mine, other, "--explain", tmp_path), f"overwrite a mesh of the call: {other}"),
         ((ring, "--class", "ball"), "add --explain"),
         ((ring, "--explain", tmp_path, "--class", "cup"), "no class 'cup', but ball, box, ring"),
     ):
         code, records, errors = explain(model_file, *arguments)
         assert (code, records) == (2, []), reason
         assert reason in " ".join(errors.split())
-    assert [path.name for path in tmp_path.iterdir()] == ["mine.ply"]
+    assert {path: path.read_bytes() for path in tmp_path.iterdir()} == {
+        mine: b"ply",
+        other: b"glTF",
+    }

@@ -186,3 +186,13 @@ def test_no_shard(text: str) -> None:
 def test_what_is_no_file_is_not_read() -> None:
     with pytest.raises(NotListed, match=r"/dev/zero cannot be opened: it is no file; .* to -"):
         Listing(["/dev/zero"])
+
+
+def test_a_file_that_has_become_a_pipe_keeps_nobody(tmp_path: Path) -> None:
+    path = tmp_path / "a.obj"
+    path.write_text("v 0 0 0\n")
+    (found,) = Listing([str(tmp_path)])
+    path.unlink()
+    os.mkfifo(path)
+    with pytest.raises(OSError, match="it is no file"):
+        found.read()

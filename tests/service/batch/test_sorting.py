@@ -68,6 +68,14 @@ def test_a_file_is_linked_where_its_record_says(
     assert place.read_bytes() == b"a mesh"
 
 
+def test_a_link_does_not_lead_outside(tmp_path: Path, source: Path) -> None:
+    (tmp_path / "sorted").mkdir()
+    (tmp_path / "sorted" / "ring").symlink_to(source.parent)
+    with pytest.raises(OSError, match="leads out of the folder"):
+        SortedFolder(tmp_path / "sorted").place(answer("a.obj", "ring"), source)
+    assert [path.name for path in source.parent.iterdir()] == ["a.obj"]
+
+
 def test_files_of_one_name_do_not_meet(tmp_path: Path, source: Path) -> None:
     there = tmp_path / "there" / "a.obj"
     there.parent.mkdir()
