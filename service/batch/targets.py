@@ -35,8 +35,10 @@ class Target:
         self.is_own_journal = self.form == "jsonl" and not self._remote
         self.journal = path if self.is_own_journal else f"{path}.journal"
         self.table = _table_of(self.form)
+        self._place = path if self._remote else os.path.realpath(path)  # a link stays one
         # Parquet cannot be read before its end is written.
-        self._written = f"{path}.new" if self.form == "parquet" and not self._remote else path
+        unread = self.form == "parquet" and not self._remote
+        self._written = f"{self._place}.new" if unread else self._place
 
     def check(self, resume: bool) -> None:
         """Raises NotWritten where there is something that would be overwritten."""
@@ -72,8 +74,8 @@ class Target:
 
     def publish(self) -> None:
         """What was written and closed is the output."""
-        if self._written != self.path:
-            os.replace(self._written, self.path)
+        if self._written != self._place:
+            os.replace(self._written, self._place)
 
 
 def _table_of(form: str) -> Callable[[BinaryIO], Table]:

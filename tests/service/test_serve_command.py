@@ -198,18 +198,26 @@ def test_variables_set_what_flags_do_not(start: Callable[..., Service], model_fi
     assert [model["name"] for model in models] == ["tiny"]  # the flag's, not the variable's
 
 
+@pytest.mark.parametrize(
+    ("name", "change", "says"),
+    [
+        ("probe", {"scores": [9.0, 9.0, 9.0]}, "model tiny scores the sample"),
+        ("config", {"patch_size": 9}, "model tiny cannot classify the sample"),
+    ],
+)
 @pytest.mark.parametrize("command", [["serve", "--port", 0], ["classify", README]])
 def test_a_model_that_fails_its_self_test_answers_nothing(
-    model_file: Path, tmp_path: Path, command: list
+    model_file: Path, tmp_path: Path, command: list, name: str, change: dict, says: str
 ) -> None:
     graph = onnx.load(model_file)
-    (entry,) = (entry for entry in graph.metadata_props if entry.key == PREFIX + "probe")
-    entry.value = json.dumps(json.loads(entry.value) | {"scores": [9.0, 9.0, 9.0]})
+    (entry,) = (entry for entry in graph.metadata_props if entry.key == PREFIX + name)
+    entry.value = json.dumps(json.loads(entry.value) | change)
     path = tmp_path / "other.onnx"
     path.write_bytes(graph.SerializeToString())
     done = meshconv3d(*command, "--model", path)
     assert (done.returncode, done.stdout) == (2, "")
-    assert "model tiny scores the sample" in done.stderr
+    assert says in done.stderr
+    assert "Traceback" not in done.stderr
     assert "running on" not in done.stderr
 
 
