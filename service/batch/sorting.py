@@ -5,6 +5,7 @@ into one folder, and a run that starts again finds its own links.
 """
 
 import errno
+import glob
 import hashlib
 import os
 import re
@@ -48,12 +49,20 @@ class SortedFolder:
         if isinstance(source, bytes):
             place = self._place(record, name, name.encode())
             _replace(place, lambda new: new.write_bytes(source))
+            self._forget_refusals(place)
             return place
         path = source.absolute()
         place = self._place(record, name, os.fsencode(path))
         if not (place.is_symlink() and place.readlink() == path):
             _replace(place, lambda new: _link(path, new))
+        self._forget_refusals(place)
         return place
+
+    def _forget_refusals(self, place: Path) -> None:
+        """Have a file in this place alone: an earlier run may have refused it, for what passes."""
+        for earlier in (self.folder / REFUSED).glob(f"*/{glob.escape(place.name)}"):
+            if earlier != place:
+                earlier.unlink(missing_ok=True)
 
     def _place(self, record: Answer | Refusal, name: str, identity: bytes) -> Path:
         """Where a file belongs. identity: what tells it from others of its name."""

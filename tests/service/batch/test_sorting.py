@@ -89,6 +89,16 @@ def test_files_of_one_name_do_not_meet(tmp_path: Path, source: Path) -> None:
     assert found == [b"a fourth", b"a mesh", b"a third", b"another"]
 
 
+def test_what_was_refused_and_then_is_not_is_in_one_place(tmp_path: Path, source: Path) -> None:
+    folder = SortedFolder(tmp_path / "sorted")
+    folder.place(refusal("a.obj", "deadline"), source)
+    other = folder.place(refusal("b.obj", "deadline"), source.with_name("b.obj"))
+    for record in (refusal("a.obj", "no-faces"), answer("a.obj", "ring")):
+        place = folder.place(record, source)
+        links = {path for path in (tmp_path / "sorted").rglob("*") if path.is_symlink()}
+        assert links == {place, other}
+
+
 def test_twice_is_once(tmp_path: Path, source: Path) -> None:
     once = []
     for _ in range(2):
