@@ -37,6 +37,7 @@ class SortedFolder:
     def __init__(self, folder: Path) -> None:
         """folder: made with the first file that is placed in it."""
         self.folder = folder
+        self._inside = folder.resolve()
 
     def place(self, record: Answer | Refusal, source: Path | bytes) -> Path:
         """Put a file where its record says. Returns its place.
@@ -49,12 +50,11 @@ class SortedFolder:
         if isinstance(source, bytes):
             place = self._place(record, name, name.encode())
             _replace(place, lambda new: new.write_bytes(source))
-            self._forget_refusals(place)
-            return place
-        path = source.absolute()
-        place = self._place(record, name, os.fsencode(path))
-        if not (place.is_symlink() and place.readlink() == path):
-            _replace(place, lambda new: _link(path, new))
+        else:
+            path = source.absolute()
+            place = self._place(record, name, os.fsencode(path))
+            if not (place.is_symlink() and place.readlink() == path):
+                _replace(place, lambda new: _link(path, new))
         self._forget_refusals(place)
         return place
 
@@ -67,7 +67,7 @@ class SortedFolder:
     def _place(self, record: Answer | Refusal, name: str, identity: bytes) -> Path:
         """Where a file belongs. identity: what tells it from others of its name."""
         folder = self.folder.joinpath(*_folders(record))
-        if not folder.resolve().is_relative_to(self.folder.resolve()):
+        if not folder.resolve().is_relative_to(self._inside):
             raise OSError(errno.EXDEV, "it is a link that leads out of the folder", str(folder))
         digest = hashlib.sha256(identity).hexdigest()[:DIGEST]
         return folder / _file_name(name, digest)
