@@ -8,6 +8,7 @@ COPY pyproject.toml README.md LICENSE ./
 COPY model model
 COPY export export
 COPY service service
+COPY meshconv3d meshconv3d
 RUN pip install --no-cache-dir .
 
 FROM python:3.12-slim
@@ -22,7 +23,7 @@ ENV PATH=/opt/meshconv3d/bin:$PATH \
     TMPDIR=/dev/shm \
     MESHCONV3D_HOST=0.0.0.0 \
     PYTHONDONTWRITEBYTECODE=1
-RUN meshconv3d classify --json "$(python -c 'import model.samples as s; print(s.__path__[0])')"
+RUN meshconv3d classify --json "$(python -c 'import meshconv3d.model.samples as s; print(s.__path__[0])')"
 USER 10001
 EXPOSE 8000
 HEALTHCHECK --interval=10s --timeout=3s --start-period=30s \

@@ -13,8 +13,8 @@ from pathlib import Path
 
 from benchmarks import comparison, plots, suite
 from benchmarks.figures import line
-from export.metadata import ModelFileError
-from service.models import DEFAULT_MODEL
+from meshconv3d.export.metadata import ModelFileError
+from meshconv3d.service.models import DEFAULT_MODEL
 
 RESULT = suite.ROOT / "benchmarks" / "results" / "performance.json"
 IMAGES = suite.ROOT / "docs" / "images"

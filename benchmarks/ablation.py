@@ -2,8 +2,8 @@
 
 DATA is SHREC11. Every row changes one thing in the reference network and trains it on 7 meshes of
 each class, with the command's own protocol but half its epochs; 3 more are scored, as they are
-and as five varied copies of each (`model.variation`). All ten are the training part of a random
-split into 10 and 10: the ten test meshes of each class take no part. Rows are kept in
+and as five varied copies of each (`model.training.variation`). All ten are the training part of a
+random split into 10 and 10: the ten test meshes of each class take no part. Rows are kept in
 benchmarks/results/ as they arrive; a run that was interrupted goes on, and a finished one only
 prints its table. A row takes a minute or two: one seed for all of them, and more where rows are
 close (`--seeds 1 2 --rows reference "K = 16"`).
@@ -21,12 +21,17 @@ from typing import Any
 
 import torch
 
-from model.config import NetworkConfig
-from model.datasets import LoadedSamples, class_names, find_samples, load_samples
-from model.evaluation import accuracy
-from model.inputs import mesh_inputs
-from model.splits import random_split
-from model.training import Trainer, TrainingConfig
+from meshconv3d.model.config import NetworkConfig
+from meshconv3d.model.topology.inputs import mesh_inputs
+from meshconv3d.model.training.datasets import (
+    LoadedSamples,
+    class_names,
+    find_samples,
+    load_samples,
+)
+from meshconv3d.model.training.evaluation import accuracy
+from meshconv3d.model.training.splits import random_split
+from meshconv3d.model.training.trainer import Trainer, TrainingConfig
 
 RESULTS = Path(__file__).parent / "results"
 TRAIN, VAL, VARIED = 7, 3, 5

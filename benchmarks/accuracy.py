@@ -16,7 +16,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from model.checkpoint import load_checkpoint
+from meshconv3d.model.nn.checkpoint import load_checkpoint
 
 RESULTS = Path(__file__).parent / "results"
 

@@ -17,13 +17,13 @@ from benchmarks.figures import MILLISECONDS, Findings, heading
 from benchmarks.measuring import best, yardstick
 from benchmarks.stages import OUTPUTS
 from benchmarks.workloads import sample
-from export.runtime import onnxruntime, session_options
-from model.fused import gather_patches
-from model.inputs import collate, mesh_inputs
-from model.loading import load_mesh
-from model.preparation import prepare
-from model.samples import sample_paths
-from service.models import ModelFile
+from meshconv3d.export.runtime import onnxruntime, session_options
+from meshconv3d.model.loading import load_mesh
+from meshconv3d.model.nn.cpu_autograd import gather_patches
+from meshconv3d.model.preparation import prepare
+from meshconv3d.model.samples import sample_paths
+from meshconv3d.model.topology.inputs import collate, mesh_inputs
+from meshconv3d.service.models import ModelFile
 
 STACKED = """
         rows = Gather <axis = 0> (table, {index})

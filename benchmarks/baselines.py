@@ -22,10 +22,10 @@ from benchmarks.baseline_methods.descriptors import Descriptors
 from benchmarks.baseline_methods.points import Points
 from benchmarks.baseline_methods.spectrum import Spectrum
 from benchmarks.scores import figures
-from model.datasets import Sample, class_names, find_samples
-from service.classifier import Classifier
-from service.evaluation import classify_samples, summarise
-from service.evaluation_report import DataId
+from meshconv3d.model.training.datasets import Sample, class_names, find_samples
+from meshconv3d.service.classifier import Classifier
+from meshconv3d.service.evaluation import classify_samples, summarise
+from meshconv3d.service.evaluation_report import DataId
 
 RESULTS = Path(__file__).parent / "results"
 

@@ -5,9 +5,9 @@ import fast_simplification
 from benchmarks.figures import MILLISECONDS, Findings, heading
 from benchmarks.measuring import best, yardstick
 from benchmarks.workloads import torus
-from model.preparation.coarsening import coarsen
-from model.preparation.resampling import decimate
-from service.models import open_model
+from meshconv3d.model.preparation.coarsening import coarsen
+from meshconv3d.model.preparation.resampling import decimate
+from meshconv3d.service.models import open_model
 
 FACES = 100_000
 # How many times the time of fast-simplification ours may take.

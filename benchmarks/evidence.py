@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
-from model.datasets import find_samples
-from model.loading import load_mesh
-from model.mesh import Mesh
-from model.preparation import prepare
-from service.classifier import Classifier
+from meshconv3d.model.loading import load_mesh
+from meshconv3d.model.mesh import Mesh
+from meshconv3d.model.preparation import prepare
+from meshconv3d.model.training.datasets import find_samples
+from meshconv3d.service.classifier import Classifier
 
 
 def main() -> None:

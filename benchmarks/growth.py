@@ -24,8 +24,8 @@ from benchmarks.measuring import (
 )
 from benchmarks.stages import Stages
 from benchmarks.workloads import as_file, torus
-from service.classifier import Classifier
-from service.models import Model, open_model
+from meshconv3d.service.classifier import Classifier
+from meshconv3d.service.models import Model, open_model
 
 SIZES = (500, 5_000, 50_000, 500_000, 1_000_000)
 MILLION = SIZES[-1]

@@ -11,10 +11,10 @@ from benchmarks.figures import MILLISECONDS, Findings, heading
 from benchmarks.measuring import best, yardstick
 from benchmarks.stages import Stages
 from benchmarks.workloads import as_file, sample
-from model.network import Network, as_tensors
-from model.preparation import prepare
-from service.classifier import Classifier
-from service.models import open_model
+from meshconv3d.model.nn.network import Network, as_tensors
+from meshconv3d.model.preparation import prepare
+from meshconv3d.service.classifier import Classifier
+from meshconv3d.service.models import open_model
 
 FORMATS = ("stl", "ply", "glb")
 # Milliseconds to read a binary file of 500 faces and to prepare it.

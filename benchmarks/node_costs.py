@@ -16,7 +16,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from benchmarks.stages import OUTPUTS
-from export.runtime import onnxruntime, session_options
+from meshconv3d.export.runtime import onnxruntime, session_options
 
 PRODUCTS = frozenset({"Gemm", "FusedGemm", "MatMul", "FusedMatMul"})
 # They move numbers and compute none.

@@ -10,8 +10,8 @@ from collections.abc import Mapping
 import torch
 from torch import Tensor
 
-from model.layers import PatchConvolution
-from model.network import Network
+from meshconv3d.model.nn.layers import PatchConvolution
+from meshconv3d.model.nn.network import Network
 
 
 def scores(network: Network, arrays: Mapping[str, Tensor]) -> Tensor:

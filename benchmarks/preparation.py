@@ -10,13 +10,13 @@ import time
 from collections import Counter
 from pathlib import Path
 
-from model.config import NetworkConfig
-from model.errors import MeshError
-from model.inputs import mesh_inputs
-from model.loading import find_meshes, load_mesh
-from model.mesh import Mesh
-from model.preparation import MeshReport, prepare
-from model.topology.halfedges import find_twins
+from meshconv3d.model.config import NetworkConfig
+from meshconv3d.model.errors import MeshError
+from meshconv3d.model.loading import find_meshes, load_mesh
+from meshconv3d.model.mesh import Mesh
+from meshconv3d.model.preparation import MeshReport, prepare
+from meshconv3d.model.topology.halfedges import find_twins
+from meshconv3d.model.topology.inputs import mesh_inputs
 
 
 def main() -> None:

@@ -2,8 +2,8 @@
 
 Takes the test meshes of a data set, changes each in one way, sends it through the shipped model's
 whole pipeline, and prints the accuracy for every kind of change. The training copies of
-`model.variation` are of similar kinds, but of training meshes alone. Keeps the table as JSON in
-benchmarks/results/.
+`model.training.variation` are of similar kinds, but of training meshes alone. Keeps the table
+as JSON in benchmarks/results/.
 """
 
 import argparse
@@ -13,14 +13,14 @@ from pathlib import Path
 
 import numpy as np
 
-from model import variation
-from model.augmentation import random_rotation
-from model.datasets import find_samples
-from model.errors import UnusableMesh
-from model.loading import load_mesh
-from model.mesh import Mesh
-from model.preparation import prepare
-from service.classifier import Classifier
+from meshconv3d.model.errors import UnusableMesh
+from meshconv3d.model.loading import load_mesh
+from meshconv3d.model.mesh import Mesh
+from meshconv3d.model.preparation import prepare
+from meshconv3d.model.training import variation
+from meshconv3d.model.training.augmentation import random_rotation
+from meshconv3d.model.training.datasets import find_samples
+from meshconv3d.service.classifier import Classifier
 
 RESULTS = Path(__file__).parent / "results"
 

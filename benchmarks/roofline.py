@@ -17,9 +17,9 @@ from benchmarks.measuring import YARDSTICK_SIDE, best, yardstick
 from benchmarks.node_costs import NodeCost, product_sides, profile_nodes
 from benchmarks.stages import Stages
 from benchmarks.workloads import as_file, sample
-from model.mesh import Mesh
-from model.preparation import prepare
-from service.models import ModelFile
+from meshconv3d.model.mesh import Mesh
+from meshconv3d.model.preparation import prepare
+from meshconv3d.service.models import ModelFile
 
 CACHED = 2**19  # bytes that a core keeps close, as it does the tensors of one mesh
 UNCACHED = 2**28

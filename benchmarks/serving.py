@@ -22,11 +22,11 @@ from benchmarks.processes import memory_of
 from benchmarks.running_service import service
 from benchmarks.stages import OUTPUTS
 from benchmarks.workloads import as_file, sample
-from export.runtime import onnxruntime, session_options
-from model.inputs import collate, mesh_inputs
-from model.loading import load_mesh
-from model.preparation import prepare
-from service.models import ModelFile
+from meshconv3d.export.runtime import onnxruntime, session_options
+from meshconv3d.model.loading import load_mesh
+from meshconv3d.model.preparation import prepare
+from meshconv3d.model.topology.inputs import collate, mesh_inputs
+from meshconv3d.service.models import ModelFile
 
 CORES = len(os.sched_getaffinity(0))
 # Enough to keep the workers busy, and for overload, far more than are answered at a time.

@@ -6,8 +6,8 @@ import numpy as np
 import scipy.spatial
 import trimesh
 
-from model.augmentation import random_rotation
-from model.mesh import Mesh
+from meshconv3d.model.mesh import Mesh
+from meshconv3d.model.training.augmentation import random_rotation
 
 Generator = np.random.Generator
 

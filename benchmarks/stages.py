@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.workloads import as_file
-from model.config import NetworkConfig
-from model.descriptors import pooling_features
-from model.inputs import collate, mesh_inputs, terms_of
-from model.loading import load_mesh
-from model.mesh import Mesh
-from model.preparation import prepare
-from model.topology import Surface, build_topology
-from service.models import Model
+from meshconv3d.model.config import NetworkConfig
+from meshconv3d.model.loading import load_mesh
+from meshconv3d.model.mesh import Mesh
+from meshconv3d.model.preparation import prepare
+from meshconv3d.model.topology import Surface, build_topology
+from meshconv3d.model.topology.descriptors import pooling_features
+from meshconv3d.model.topology.inputs import collate, mesh_inputs, terms_of
+from meshconv3d.service.models import Model
 
 OUTPUTS = ["scores", "novelty", "evidence"]  # what the service asks of a graph
 

@@ -18,7 +18,7 @@ from typing import Any
 
 from benchmarks.figures import Findings
 from benchmarks.measuring import apart
-from service.models import open_model
+from meshconv3d.service.models import open_model
 
 ROOT = Path(__file__).parents[1]
 

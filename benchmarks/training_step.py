@@ -13,11 +13,11 @@ from benchmarks import peers, plain_network
 from benchmarks.figures import MILLISECONDS, Findings, heading
 from benchmarks.measuring import apart, best, peak_memory, yardstick
 from benchmarks.workloads import sample
-from model.config import NetworkConfig
-from model.inputs import collate, input_names, mesh_inputs
-from model.network import Network, as_tensors
-from model.preparation import prepare
-from service.models import open_model
+from meshconv3d.model.config import NetworkConfig
+from meshconv3d.model.nn.network import Network, as_tensors
+from meshconv3d.model.preparation import prepare
+from meshconv3d.model.topology.inputs import collate, input_names, mesh_inputs
+from meshconv3d.service.models import open_model
 
 MESHES = 50
 # Yardsticks and MB of a step, and what it may cost of a plain one.

@@ -20,15 +20,21 @@ import torch
 from numpy.typing import NDArray
 
 from benchmarks.shapes import make_shapes
-from model.calibration import KNOWN_REFUSED, softmax
-from model.config import NetworkConfig
-from model.datasets import LabelledMesh, LoadedSamples, Sample, find_samples, load_samples
-from model.evaluation import fit_novelty, predict
-from model.inputs import collate, mesh_inputs
-from model.network import Network, as_tensors
-from model.preparation import prepare
-from model.splits import hold_out
-from model.training import Trainer, TrainingConfig
+from meshconv3d.model.calibration import KNOWN_REFUSED, softmax
+from meshconv3d.model.config import NetworkConfig
+from meshconv3d.model.nn.network import Network, as_tensors
+from meshconv3d.model.preparation import prepare
+from meshconv3d.model.topology.inputs import collate, mesh_inputs
+from meshconv3d.model.training.datasets import (
+    LabelledMesh,
+    LoadedSamples,
+    Sample,
+    find_samples,
+    load_samples,
+)
+from meshconv3d.model.training.evaluation import fit_novelty, predict
+from meshconv3d.model.training.splits import hold_out
+from meshconv3d.model.training.trainer import Trainer, TrainingConfig
 
 RESULTS = Path(__file__).parent / "results"
 FOLDS = 5

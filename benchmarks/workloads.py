@@ -5,9 +5,9 @@ import io
 import numpy as np
 import trimesh
 
-from model.loading import load_mesh
-from model.mesh import Mesh
-from model.samples import sample_paths
+from meshconv3d.model.loading import load_mesh
+from meshconv3d.model.mesh import Mesh
+from meshconv3d.model.samples import sample_paths
 
 SAMPLE = "ants"  # a sample of exactly 500 faces
 

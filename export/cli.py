@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 import click
 
 if TYPE_CHECKING:
-    from export.metadata import Probe
-    from model.checkpoint import Checkpoint
-    from model.inputs import MeshInputs
+    from meshconv3d.export.metadata import Probe
+    from meshconv3d.model.nn.checkpoint import Checkpoint
+    from meshconv3d.model.topology.inputs import MeshInputs
 
 FILE = click.Path(dir_okay=False, path_type=Path)
 EXISTING_FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
@@ -33,8 +33,8 @@ def export(
     The file is compared with torch on several meshes, alone and together in a ragged batch; if
     they differ by more than 1e-4, it is not written and the exit code is 1.
     """
-    from export.onnx_file import export_model
-    from export.parity import ParityError
+    from meshconv3d.export.onnx_file import export_model
+    from meshconv3d.export.parity import ParityError
 
     if not output.parent.is_dir():
         raise click.UsageError(f"no such folder: {output.parent}")
@@ -60,8 +60,8 @@ def verify(model: Path, checkpoint: Path, meshes: tuple[Path, ...]) -> None:
     """Check that MODEL computes what its checkpoint does; exits with 1 if not."""
     import onnx
 
-    from export.metadata import ModelFileError, read_card
-    from export.parity import ParityError, check_parity
+    from meshconv3d.export.metadata import ModelFileError, read_card
+    from meshconv3d.export.parity import ParityError, check_parity
 
     loaded = _load(checkpoint)
     content = model.read_bytes()
@@ -92,8 +92,8 @@ def _verify_probe(
     """That whoever opens the model tests it by the scores of the checkpoint."""
     import numpy as np
 
-    from export.onnx_file import probe
-    from export.parity import TOLERANCE
+    from meshconv3d.export.onnx_file import probe
+    from meshconv3d.export.parity import TOLERANCE
 
     if found.sample not in inputs:
         raise click.ClickException(f"{model}: it is tested on {found.sample!r}, which is no sample")
@@ -106,7 +106,7 @@ def _verify_probe(
 
 
 def _load(path: Path) -> "Checkpoint":
-    from model.checkpoint import CheckpointError, load_checkpoint
+    from meshconv3d.model.nn.checkpoint import CheckpointError, load_checkpoint
 
     try:
         return load_checkpoint(path)
@@ -116,11 +116,11 @@ def _load(path: Path) -> "Checkpoint":
 
 def _inputs(checkpoint: "Checkpoint", extra: tuple[Path, ...]) -> "dict[str, MeshInputs]":
     """Samples and further meshes, by name, as the checkpoint's network takes them."""
-    from model.errors import MeshError
-    from model.inputs import mesh_inputs
-    from model.loading import load_mesh
-    from model.preparation import prepare
-    from model.samples import sample_paths
+    from meshconv3d.model.errors import MeshError
+    from meshconv3d.model.loading import load_mesh
+    from meshconv3d.model.preparation import prepare
+    from meshconv3d.model.samples import sample_paths
+    from meshconv3d.model.topology.inputs import mesh_inputs
 
     config = checkpoint.network.config
     inputs = {}

@@ -6,8 +6,8 @@ from itertools import pairwise
 from torch import nn
 from torch.nn.utils.fusion import fuse_linear_bn_eval
 
-from model.layers import Descriptor, PatchConvolution
-from model.network import Network
+from meshconv3d.model.nn.layers import Descriptor, PatchConvolution
+from meshconv3d.model.nn.network import Network
 
 
 def fold_batch_norm(network: Network) -> Network:

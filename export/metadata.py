@@ -10,8 +10,8 @@ from typing import Annotated, Any
 from pydantic import ConfigDict, Field, TypeAdapter, ValidationError, model_validator
 from pydantic.dataclasses import dataclass
 
-from model.calibration import Calibration
-from model.config import NetworkConfig
+from meshconv3d.model.calibration import Calibration
+from meshconv3d.model.config import NetworkConfig
 
 PREFIX = "meshconv3d."
 FORMAT_VERSION = 2

@@ -9,15 +9,15 @@ import onnx
 import torch
 from torch.export import Dim
 
-from export.graph import fold_batch_norm
-from export.metadata import ModelCard, Probe
-from export.parity import OUTPUTS, check_parity
-from export.translation import TRANSLATIONS
-from model.checkpoint import Checkpoint
-from model.config import NetworkConfig
-from model.files import write_whole
-from model.inputs import MeshInputs, collate, input_names
-from model.network import Network, as_tensors
+from meshconv3d.export.graph import fold_batch_norm
+from meshconv3d.export.metadata import ModelCard, Probe
+from meshconv3d.export.parity import OUTPUTS, check_parity
+from meshconv3d.export.translation import TRANSLATIONS
+from meshconv3d.model.config import NetworkConfig
+from meshconv3d.model.files import write_whole
+from meshconv3d.model.nn.checkpoint import Checkpoint
+from meshconv3d.model.nn.network import Network, as_tensors
+from meshconv3d.model.topology.inputs import MeshInputs, collate, input_names
 
 OPSET = 20
 

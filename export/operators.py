@@ -9,7 +9,7 @@ supply its own. The extension is loaded only for a file that needs it.
 import functools
 from types import ModuleType
 
-from export.metadata import ModelFileError
+from meshconv3d.export.metadata import ModelFileError
 
 # The one domain under which onnxruntime-extensions takes operators written in Python.
 DOMAIN = "ai.onnx.contrib"
@@ -33,7 +33,7 @@ def _extension() -> ModuleType:
         ) from None
     # An exception in a kernel would end the process. These raise none: the topology stage takes
     # any surface, and its inputs come from our own code.
-    from model.topology import operators as kernels
+    from meshconv3d.model.topology import operators as kernels
 
     kind = extension.PyCustomOpDef
     real, whole, precise = kind.dt_float, kind.dt_int32, kind.dt_double

@@ -5,11 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 import torch
 
-from export.metadata import ModelFileError
-from export.runtime import onnxruntime as ort
-from export.runtime import open_session
-from model.inputs import MeshInputs, collate, input_names
-from model.network import Network, Outputs, as_tensors
+from meshconv3d.export.metadata import ModelFileError
+from meshconv3d.export.runtime import onnxruntime as ort
+from meshconv3d.export.runtime import open_session
+from meshconv3d.model.nn.network import Network, Outputs, as_tensors
+from meshconv3d.model.topology.inputs import MeshInputs, collate, input_names
 
 TOLERANCE = 1e-4
 OUTPUTS = Outputs._fields

@@ -11,8 +11,8 @@ os.environ["ORT_DISABLE_TELEMETRY"] = "1"
 
 import onnxruntime
 
-from export.metadata import ModelFileError
-from export.operators import DOMAIN, operator_library
+from meshconv3d.export.metadata import ModelFileError
+from meshconv3d.export.operators import DOMAIN, operator_library
 
 __all__ = ["onnxruntime", "open_session", "session_options"]
 

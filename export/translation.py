@@ -1,4 +1,4 @@
-"""How torch's exporter writes the operators of `model.operators` into an ONNX graph."""
+"""How torch's exporter writes the operators of `model.nn.operators` into an ONNX graph."""
 
 from collections.abc import Callable, Sequence
 
@@ -6,8 +6,8 @@ import torch
 from onnx.defs import OpSchema
 from onnxscript.values import Op, Opset
 
-import model.operators  # noqa: F401 (defines torch.ops.meshconv3d)
-from export.operators import DOMAIN, VERSION
+import meshconv3d.model.nn.operators  # noqa: F401 (defines torch.ops.meshconv3d)
+from meshconv3d.export.operators import DOMAIN, VERSION
 
 REAL, WHOLE, PRECISE = "tensor(float)", "tensor(int32)", "tensor(double)"
 

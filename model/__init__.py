@@ -1,8 +1,7 @@
 """The network's room: meshes, their topology, and the network trained on them.
 
-`import model` loads neither torch nor onnx. The torch layers live in `model.layers` and
-`model.network`, training in `model.training`; everything else is NumPy and numba and is what
-serving runs.
+`import meshconv3d.model` loads neither torch nor onnx. The network is in `model.nn`, training in
+`model.training`: both need torch. Everything else is NumPy and numba, and is what serving runs.
 
 Legend of dimension letters, used in every docstring of the project:
 

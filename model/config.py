@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import ConfigDict, Field, TypeAdapter, ValidationError, model_validator
 from pydantic.dataclasses import dataclass
 
-from model.topology import Reading
+from meshconv3d.model.topology import Reading
 
 Size = Annotated[int, Field(ge=1, le=2**20)]
 Sizes = Annotated[tuple[Size, ...], Field(min_length=1)]
@@ -48,7 +48,8 @@ class NetworkConfig:
     absolute_offsets: bool = False
     """Take sum |v_i - c| for equation 1's first term, which as written is zero everywhere."""
     surroundings: bool = False
-    """Whether a third descriptor reads what lies around each face, see `model.surroundings`."""
+    """Whether a third descriptor reads what lies around each face, see
+    `model.topology.integral_invariants`."""
     pooling: Literal["geometric", "learned"] = "geometric"
     """Which features weigh the faces in equation 5: the fixed ones of the input, or those that
     enter the pooling."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model.errors import UnusableMesh
+from meshconv3d.model.errors import UnusableMesh
 
 
 @dataclass(frozen=True, eq=False)

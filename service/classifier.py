@@ -10,15 +10,15 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from model.calibration import softmax
-from model.errors import MeshError
-from model.evidence import contributions
-from model.inputs import MeshInputs, collate, mesh_inputs
-from model.loading import Limits, load_mesh
-from model.mesh import Mesh
-from model.preparation import MeshReport, Placement, prepare_placed
-from model.samples import sample_paths
-from service.models import DEFAULT_MODEL, Model, open_model
+from meshconv3d.model.attribution import contributions
+from meshconv3d.model.calibration import softmax
+from meshconv3d.model.errors import MeshError
+from meshconv3d.model.loading import Limits, load_mesh
+from meshconv3d.model.mesh import Mesh
+from meshconv3d.model.preparation import MeshReport, Placement, prepare_placed
+from meshconv3d.model.samples import sample_paths
+from meshconv3d.model.topology.inputs import MeshInputs, collate, mesh_inputs
+from meshconv3d.service.models import DEFAULT_MODEL, Model, open_model
 
 # How far the self-test's scores may lie from those that the export stored, relative to the
 # largest: rounding moves them by 1e-6, another triangulation of the sample by more than this.
@@ -38,7 +38,7 @@ class SelfTestError(RuntimeError):
 @dataclass(frozen=True, eq=False)
 class Classification:
     """What a mesh is, by which model. scores: N_c float32 logits; probabilities: their calibrated
-    softmax. novelty: how unlike every class it is, see `model.novelty`.
+    softmax. novelty: how unlike every class it is, see `model.nn.out_of_distribution`.
 
     timings_ms: wall-clock milliseconds of each stage: read, prepare, topology, infer,
     and explain where that was asked for.

@@ -6,13 +6,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from model import metrics
-from model.datasets import Sample
-from model.metrics import Predictions
-from service.classifier import Classification, Classifier
-from service.evaluation_report import ClassFigures, DataId, Mistake, Report, Spread, Timing
-from service.models import Model
-from service.records import ModelId, Reason, refusal
+from meshconv3d.model import metrics
+from meshconv3d.model.metrics import Predictions
+from meshconv3d.model.training.datasets import Sample
+from meshconv3d.service.classifier import Classification, Classifier
+from meshconv3d.service.evaluation_report import (
+    ClassFigures,
+    DataId,
+    Mistake,
+    Report,
+    Spread,
+    Timing,
+)
+from meshconv3d.service.models import Model
+from meshconv3d.service.records import ModelId, Reason, refusal
 
 DIGITS = 6
 

@@ -2,8 +2,8 @@
 
 from pydantic import BaseModel, Field
 
-from model.metrics import CALIBRATION_BINS
-from service.records import ModelId
+from meshconv3d.model.metrics import CALIBRATION_BINS
+from meshconv3d.service.records import ModelId
 
 
 class DataId(BaseModel):

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from export.metadata import ModelCard, ModelFileError, read_card
-from export.runtime import onnxruntime as ort
-from export.runtime import open_session
-from model.inputs import input_names
+from meshconv3d.export.metadata import ModelCard, ModelFileError, read_card
+from meshconv3d.export.runtime import onnxruntime as ort
+from meshconv3d.export.runtime import open_session
+from meshconv3d.model.topology.inputs import input_names
 
 SHIPPED = Path(__file__).parent / "shipped"
 DEFAULT_MODEL = "shrec11"

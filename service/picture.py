@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
-from model.mesh import Mesh
+from meshconv3d.model.mesh import Mesh
 
 SIZE = 96  # pixels
 OVERSAMPLING = 4

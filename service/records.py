@@ -5,9 +5,9 @@ import os
 import numpy as np
 from pydantic import AliasChoices, BaseModel, Field, TypeAdapter
 
-from model.errors import MeshError
-from model.preparation import MeshReport
-from service.classifier import Classification
+from meshconv3d.model.errors import MeshError
+from meshconv3d.model.preparation import MeshReport
+from meshconv3d.service.classifier import Classification
 
 # A word of Python in the records, with another name in here.
 CLASS = AliasChoices("class", "class_")

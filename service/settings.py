@@ -8,10 +8,10 @@ from typing import Annotated, Self
 from pydantic import Field, SecretStr, field_validator, model_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
-from model.loading import Limits
-from service.api_keys import check_key, read_keys
-from service.logs import LogFormat
-from service.models import shipped_models
+from meshconv3d.model.loading import Limits
+from meshconv3d.service.api_keys import check_key, read_keys
+from meshconv3d.service.logs import LogFormat
+from meshconv3d.service.models import shipped_models
 
 MIB = 1024 * 1024
 LIMITS = Limits()

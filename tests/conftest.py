@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-from model.config import NetworkConfig
+from meshconv3d.model.config import NetworkConfig
 
 # Torch reads this when it is first imported. The matrices of tests are so small that handing
 # them to several threads costs more than multiplying them.
@@ -72,8 +72,8 @@ def either(request: pytest.FixtureRequest) -> NetworkConfig:
 
 def tiny_checkpoint(config: NetworkConfig, path: Path) -> Path:
     """Save a checkpoint of a small, untrained network."""
-    from model.calibration import Calibration
-    from model.checkpoint import Checkpoint, save_checkpoint
+    from meshconv3d.model.calibration import Calibration
+    from meshconv3d.model.nn.checkpoint import Checkpoint, save_checkpoint
     from tests.networks import untrained
 
     training = {"data": {"name": "none"}, "accuracy": {"test": 0.25}}
@@ -86,7 +86,7 @@ def exported(checkpoint: Path, path: Path) -> Path:
     """The model file that `meshconv3d export` makes of a checkpoint."""
     from click.testing import CliRunner
 
-    from service.cli.main import commands
+    from meshconv3d.service.cli.main import commands
 
     result = CliRunner().invoke(commands, ["export", str(checkpoint), "-o", str(path)])
     assert result.exit_code == 0, result.output

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from model.mesh import Mesh
+from meshconv3d.model.mesh import Mesh
 
 
 def torus(rings: int = 25, sides: int = 10, radius: float = 1.0, tube: float = 0.4) -> Mesh:

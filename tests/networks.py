@@ -3,10 +3,10 @@
 import torch
 from torch import nn
 
-from model.config import NetworkConfig
-from model.inputs import MeshInputs, collate, mesh_inputs
-from model.network import Network, as_tensors
-from model.topology import Topology
+from meshconv3d.model.config import NetworkConfig
+from meshconv3d.model.nn.network import Network, as_tensors
+from meshconv3d.model.topology import Topology
+from meshconv3d.model.topology.inputs import MeshInputs, collate, mesh_inputs
 from tests.meshes import cube, icosphere, sheet, torus
 
 

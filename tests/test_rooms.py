@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner
 from importlinter.cli import lint_imports_command
 
-from model.samples import sample_paths
+from meshconv3d.model.samples import sample_paths
 from tests.commands import environment
 
 ROOT = Path(__file__).parents[1]
@@ -31,7 +31,7 @@ class WithoutExtras(PathFinder):
         return super().find_spec(name, path, target)
 
 sys.meta_path = [WithoutExtras if finder is PathFinder else finder for finder in sys.meta_path]
-from service.cli.main import main
+from meshconv3d.service.cli.main import main
 main()
 """
 
@@ -59,14 +59,14 @@ def test_the_rooms_keep_to_their_imports(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 def test_model_loads_neither_torch_nor_onnx() -> None:
-    light = "import model, model.mesh, model.loading, model.preparation, model.inputs"
+    light = "from meshconv3d.model import loading, preparation, topology"
     packages = loaded_by(light)
     assert "numpy" in packages
     assert packages.isdisjoint({"torch", "onnx", "onnxscript", "safetensors"})
 
 
 def test_serving_loads_neither_torch_nor_onnx() -> None:
-    packages = loaded_by("import service.http.app, service.cli.classify, service.classifier")
+    packages = loaded_by("import meshconv3d.service.http.app, meshconv3d.service.cli.classify")
     assert {"onnxruntime", "fastapi"} <= packages
     assert packages.isdisjoint({"torch", "onnx", "onnxscript", "safetensors", "matplotlib"})
 
@@ -78,7 +78,7 @@ def test_short_answers_wait_for_no_heavy_import(arguments: list[str]) -> None:
     program = f"""
 import sys
 sys.argv = ["meshconv3d", *{arguments}]
-from service.cli.main import main
+from meshconv3d.service.cli.main import main
 try:
     main()
 except SystemExit as end:
@@ -102,7 +102,6 @@ def test_classifying_needs_no_extra(name: str) -> None:
         ("train", ["train", "{folder}", "--out", "{folder}/out"]),
         ("train", ["export", "{file}", "-o", "{folder}/model.onnx"]),
         ("train", ["verify", "{file}", "--checkpoint", "{file}"]),
-        ("data", ["data", "cubes", "{folder}", "{folder}/out"]),
         ("remote", ["classify", "memory://meshes"]),
         ("remote", ["classify", "{mesh}", "--output", "memory://all.csv"]),
         ("parquet", ["classify", "{mesh}", "--output", "{folder}/all.parquet"]),
@@ -125,9 +124,7 @@ def test_a_missing_extra_is_named_in_one_line(
     assert f"pip install '.[{extra}]'" in line
 
 
-@pytest.mark.parametrize(
-    "command", [["train"], ["export"], ["verify"], ["data"], ["data", "cubes"]]
-)
+@pytest.mark.parametrize("command", [["train"], ["export"], ["verify"]])
 def test_help_needs_no_extra(command: list[str]) -> None:
     done = python(WITHOUT_EXTRAS, *command, "--help")
     assert (done.returncode, done.stderr) == (0, "")

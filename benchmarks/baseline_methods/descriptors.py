@@ -17,7 +17,7 @@ from benchmarks.baseline_methods.data import Part
 from benchmarks.baseline_methods.distributions import shape_distributions
 from benchmarks.baseline_methods.measures import shape_measures
 from benchmarks.baseline_methods.spectrum import log_spectrum
-from model.mesh import Mesh
+from meshconv3d.model.mesh import Mesh
 
 
 @dataclass(frozen=True)

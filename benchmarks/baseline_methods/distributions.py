@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.baseline_methods.surface_samples import sample_surface
-from model.mesh import Mesh
+from meshconv3d.model.mesh import Mesh
 
 QUANTILES = (np.arange(16) + 0.5) / 16
 # Of distances in units of the root mean square radius; a pair is 1.4 apart on average.

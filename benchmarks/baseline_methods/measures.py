@@ -4,8 +4,8 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from model.mesh import Mesh
-from model.preparation import into_unit_sphere
+from meshconv3d.model.mesh import Mesh
+from meshconv3d.model.preparation import into_unit_sphere
 
 ANGLE_EDGES = (0, 0.05, 0.2, 0.4, 0.7, 1.0, 1.4, 1.7, 2.2, np.pi + 1e-6)
 QUANTILES = (np.arange(12) + 0.5) / 12

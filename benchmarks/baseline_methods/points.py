@@ -11,8 +11,8 @@ from torch import Tensor, nn
 from benchmarks.baseline_methods.data import Part
 from benchmarks.baseline_methods.point_network import PointNetwork
 from benchmarks.baseline_methods.surface_samples import sample_surface
-from model.augmentation import Augmentation, random_rotation
-from model.mesh import Mesh
+from meshconv3d.model.mesh import Mesh
+from meshconv3d.model.training.augmentation import Augmentation, random_rotation
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,8 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial.distance import cdist
 
 from benchmarks.baseline_methods.data import Part
-from model.mesh import Mesh
-from model.preparation import surface_area
+from meshconv3d.model.mesh import Mesh
+from meshconv3d.model.preparation import surface_area
 
 
 @dataclass(frozen=True)

@@ -10,10 +10,10 @@ limits. All formats are read with NumPy: to find out whether a general library w
 file rightly, and within bounds, one has to read it first.
 """
 
-from model.loading.folders import find_meshes, has_mesh_name, walk_meshes
-from model.loading.formats import FORMATS, Format, detect_format
-from model.loading.limits import Limits
-from model.loading.load import load_mesh
+from meshconv3d.model.loading.folders import find_meshes, has_mesh_name, walk_meshes
+from meshconv3d.model.loading.formats import FORMATS, Format, detect_format
+from meshconv3d.model.loading.limits import Limits
+from meshconv3d.model.loading.load import load_mesh
 
 __all__ = [
     "FORMATS",

@@ -7,9 +7,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from io import BytesIO
 
-from model.errors import MalformedFile
-from model.loading.limits import Limits
-from model.loading.text import quoted
+from meshconv3d.model.errors import MalformedFile
+from meshconv3d.model.loading.limits import Limits
+from meshconv3d.model.loading.text import quoted
 
 _BLOCK = 2**16  # bytes
 _DIRECTORY_ENTRY = b"PK\x01\x02"

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from model.errors import MalformedFile
-from model.loading.text import quoted
+from meshconv3d.model.errors import MalformedFile
+from meshconv3d.model.loading.text import quoted
 
 Buffer = bytes | memoryview
 

@@ -5,7 +5,7 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
-from model.loading.formats import FORMATS
+from meshconv3d.model.loading.formats import FORMATS
 
 log = logging.getLogger(__name__)
 

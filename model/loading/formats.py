@@ -4,9 +4,9 @@ import re
 from codecs import BOM_UTF8
 from dataclasses import dataclass
 
-from model.errors import MalformedFile, UnknownFormat
-from model.loading.stl import is_exact_binary
-from model.loading.text import quoted
+from meshconv3d.model.errors import MalformedFile, UnknownFormat
+from meshconv3d.model.loading.stl import is_exact_binary
+from meshconv3d.model.loading.text import quoted
 
 
 @dataclass(frozen=True)

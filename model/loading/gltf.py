@@ -7,9 +7,9 @@ stride, and how often each is placed) is nearly all that reading one takes.
 import re
 import struct
 
-from model.errors import MalformedFile
-from model.loading.gltf_buffers import Buffers
-from model.loading.gltf_document import (
+from meshconv3d.model.errors import MalformedFile
+from meshconv3d.model.loading.gltf_buffers import Buffers
+from meshconv3d.model.loading.gltf_document import (
     Document,
     children,
     cut_off,
@@ -18,12 +18,12 @@ from model.loading.gltf_document import (
     parse,
     unsupported,
 )
-from model.loading.gltf_meshes import Surface, surfaces
-from model.loading.gltf_nodes import placed_meshes
-from model.loading.limits import Limits
-from model.loading.scene import Matrix, flatten
-from model.loading.text import quoted
-from model.loading.triangles import Triangles
+from meshconv3d.model.loading.gltf_meshes import Surface, surfaces
+from meshconv3d.model.loading.gltf_nodes import placed_meshes
+from meshconv3d.model.loading.limits import Limits
+from meshconv3d.model.loading.scene import Matrix, flatten
+from meshconv3d.model.loading.text import quoted
+from meshconv3d.model.loading.triangles import Triangles
 
 _JSON_CHUNK, _BINARY_CHUNK = 0x4E4F534A, 0x004E4942
 # Required extensions that leave the triangles as they are, or that are read.

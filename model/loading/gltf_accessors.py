@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from model.errors import MalformedFile
-from model.loading.gltf_buffers import Buffers
-from model.loading.gltf_document import Document, cut_off, item, natural, unsupported
+from meshconv3d.model.errors import MalformedFile
+from meshconv3d.model.loading.gltf_buffers import Buffers
+from meshconv3d.model.loading.gltf_document import Document, cut_off, item, natural, unsupported
 
 _DTYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _FLOAT = 5126

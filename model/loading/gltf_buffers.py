@@ -5,9 +5,9 @@ import binascii
 from collections.abc import Iterator
 from urllib.parse import unquote_to_bytes
 
-from model.errors import MalformedFile
-from model.loading.gltf_document import Document, cut_off, item, natural
-from model.loading.text import quoted
+from meshconv3d.model.errors import MalformedFile
+from meshconv3d.model.loading.gltf_document import Document, cut_off, item, natural
+from meshconv3d.model.loading.text import quoted
 
 _BLOCK = 2**20  # characters
 

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from model.errors import MalformedFile
-from model.loading.limits import Limits
-from model.loading.text import quoted
+from meshconv3d.model.errors import MalformedFile
+from meshconv3d.model.loading.limits import Limits
+from meshconv3d.model.loading.text import quoted
 
 Document = dict[str, Any]
 

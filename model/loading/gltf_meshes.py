@@ -5,11 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from model.errors import MalformedFile
-from model.loading.gltf_accessors import Accessor, indices, positions
-from model.loading.gltf_buffers import Buffers
-from model.loading.gltf_document import Document, children, items, natural
-from model.loading.triangles import Triangles, coordinates
+from meshconv3d.model.errors import MalformedFile
+from meshconv3d.model.loading.gltf_accessors import Accessor, indices, positions
+from meshconv3d.model.loading.gltf_buffers import Buffers
+from meshconv3d.model.loading.gltf_document import Document, children, items, natural
+from meshconv3d.model.loading.triangles import Triangles, coordinates
 
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 

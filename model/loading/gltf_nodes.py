@@ -4,10 +4,10 @@ from typing import Any
 
 import numpy as np
 
-from model.errors import MalformedFile
-from model.loading.gltf_document import Document, entries, index, item, items, reals
-from model.loading.limits import Limits
-from model.loading.scene import Matrix, within
+from meshconv3d.model.errors import MalformedFile
+from meshconv3d.model.loading.gltf_document import Document, entries, index, item, items, reals
+from meshconv3d.model.loading.limits import Limits
+from meshconv3d.model.loading.scene import Matrix, within
 
 
 def placed_meshes(document: Document, limits: Limits) -> list[tuple[int, Matrix]]:

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from model.errors import LimitExceeded
+from meshconv3d.model.errors import LimitExceeded
 
 
 @dataclass(frozen=True)

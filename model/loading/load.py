@@ -4,17 +4,17 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 
-from model.errors import MalformedFile, MeshError, UnusableMesh
-from model.loading.formats import Format, detect_format
-from model.loading.gltf import read_glb, read_gltf
-from model.loading.limits import Limits
-from model.loading.obj import read_obj
-from model.loading.off import read_off
-from model.loading.ply import read_ply
-from model.loading.stl import read_stl
-from model.loading.threemf import read_3mf
-from model.loading.triangles import Triangles
-from model.mesh import Mesh
+from meshconv3d.model.errors import MalformedFile, MeshError, UnusableMesh
+from meshconv3d.model.loading.formats import Format, detect_format
+from meshconv3d.model.loading.gltf import read_glb, read_gltf
+from meshconv3d.model.loading.limits import Limits
+from meshconv3d.model.loading.obj import read_obj
+from meshconv3d.model.loading.off import read_off
+from meshconv3d.model.loading.ply import read_ply
+from meshconv3d.model.loading.stl import read_stl
+from meshconv3d.model.loading.threemf import read_3mf
+from meshconv3d.model.loading.triangles import Triangles
+from meshconv3d.model.mesh import Mesh
 
 _READERS: dict[str, Callable[[bytes, Limits], Triangles]] = {
     "obj": read_obj,

@@ -5,10 +5,10 @@ import re
 import numpy as np
 from numpy.typing import NDArray
 
-from model.errors import MalformedFile
-from model.loading.limits import Limits
-from model.loading.text import blocks, plain_text, points, quoted, without_comments
-from model.loading.triangles import Pieces, Triangles, fan
+from meshconv3d.model.errors import MalformedFile
+from meshconv3d.model.loading.limits import Limits
+from meshconv3d.model.loading.text import blocks, plain_text, points, quoted, without_comments
+from meshconv3d.model.loading.triangles import Pieces, Triangles, fan
 
 _VERTEX = re.compile(rb"^[ \t]*v(?:[ \t](.*))?$", re.MULTILINE)
 _FACE = re.compile(rb"^[ \t]*f(?:[ \t](.*))?$", re.MULTILINE)

@@ -5,12 +5,12 @@ import re
 import numpy as np
 from numpy.typing import NDArray
 
-from model.errors import MalformedFile
-from model.loading.elements import Element, Field
-from model.loading.limits import Limits
-from model.loading.records import read_element
-from model.loading.text import blocks, numbers, plain_text, points, without_comments
-from model.loading.triangles import Pieces, Triangles, fan, indices
+from meshconv3d.model.errors import MalformedFile
+from meshconv3d.model.loading.elements import Element, Field
+from meshconv3d.model.loading.limits import Limits
+from meshconv3d.model.loading.records import read_element
+from meshconv3d.model.loading.text import blocks, numbers, plain_text, points, without_comments
+from meshconv3d.model.loading.triangles import Pieces, Triangles, fan, indices
 
 _KEYWORD = re.compile(rb"\s*((ST)?(C)?(N)?(4)?(n)?OFF\b)?[ \t]*(BINARY\b)?")
 _NOT_BLANK = re.compile(rb"\S.*")

@@ -5,12 +5,12 @@ from codecs import BOM_UTF8
 
 import numpy as np
 
-from model.errors import MalformedFile
-from model.loading.elements import Buffer, Column, Element, Field
-from model.loading.limits import Limits
-from model.loading.records import read_element
-from model.loading.text import numbers, plain_text, quoted
-from model.loading.triangles import Triangles, coordinates, fan
+from meshconv3d.model.errors import MalformedFile
+from meshconv3d.model.loading.elements import Buffer, Column, Element, Field
+from meshconv3d.model.loading.limits import Limits
+from meshconv3d.model.loading.records import read_element
+from meshconv3d.model.loading.text import numbers, plain_text, quoted
+from meshconv3d.model.loading.triangles import Triangles, coordinates, fan
 
 _TYPES = {
     "char": "i1",

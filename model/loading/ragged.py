@@ -7,9 +7,9 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from model.loading.elements import Buffer, Column, Element, cut_off, whole
-from model.loading.limits import Limits
-from model.loading.text import quoted
+from meshconv3d.model.loading.elements import Buffer, Column, Element, cut_off, whole
+from meshconv3d.model.loading.limits import Limits
+from meshconv3d.model.loading.text import quoted
 
 _STRUCT_CODES = {
     "i1": "b",

@@ -4,9 +4,9 @@ from collections.abc import Collection
 
 import numpy as np
 
-from model.loading.elements import Buffer, Column, Element, Field, cut_off, whole
-from model.loading.limits import Limits
-from model.loading.ragged import read_ragged
+from meshconv3d.model.loading.elements import Buffer, Column, Element, Field, cut_off, whole
+from meshconv3d.model.loading.limits import Limits
+from meshconv3d.model.loading.ragged import read_ragged
 
 _COUNTED = {"vertex": "vertices", "face": "faces"}
 

@@ -6,8 +6,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from model.loading.limits import Limits
-from model.loading.triangles import Triangles, join
+from meshconv3d.model.loading.limits import Limits
+from meshconv3d.model.loading.triangles import Triangles, join
 
 Matrix = NDArray[np.float64]  # 4 x 4, of column vectors
 

@@ -4,10 +4,10 @@ import re
 
 import numpy as np
 
-from model.errors import MalformedFile
-from model.loading.limits import Limits
-from model.loading.text import blocks, is_utf16, plain_text, points
-from model.loading.triangles import Pieces, Triangles, coordinates
+from meshconv3d.model.errors import MalformedFile
+from meshconv3d.model.loading.limits import Limits
+from meshconv3d.model.loading.text import blocks, is_utf16, plain_text, points
+from meshconv3d.model.loading.triangles import Pieces, Triangles, coordinates
 
 _HEADER = 84  # bytes: 80 of any content, then the count of triangles
 _RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])

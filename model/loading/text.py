@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from model.errors import MalformedFile
-from model.loading.limits import Limits
+from meshconv3d.model.errors import MalformedFile
+from meshconv3d.model.loading.limits import Limits
 
 _SHOWN = 60  # characters of a file's content in a message
 

@@ -3,14 +3,14 @@
 from collections import Counter
 from dataclasses import dataclass
 
-from model.errors import MalformedFile
-from model.loading.archive import Archive, normal
-from model.loading.limits import Limits
-from model.loading.scene import Matrix, flatten, within
-from model.loading.text import quoted
-from model.loading.threemf_parts import Key, ModelPart, Object, Reference
-from model.loading.triangles import Triangles
-from model.loading.xml import Attributes, read_xml
+from meshconv3d.model.errors import MalformedFile
+from meshconv3d.model.loading.archive import Archive, normal
+from meshconv3d.model.loading.limits import Limits
+from meshconv3d.model.loading.scene import Matrix, flatten, within
+from meshconv3d.model.loading.text import quoted
+from meshconv3d.model.loading.threemf_parts import Key, ModelPart, Object, Reference
+from meshconv3d.model.loading.triangles import Triangles
+from meshconv3d.model.loading.xml import Attributes, read_xml
 
 _ROOT_KIND = "http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"
 _RELATIONS = "_rels/.rels"

@@ -8,13 +8,13 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from model.errors import MalformedFile
-from model.loading.archive import normal
-from model.loading.limits import Limits
-from model.loading.scene import Matrix
-from model.loading.text import quoted
-from model.loading.triangles import Triangles
-from model.loading.xml import SEPARATOR, Attributes, read_xml
+from meshconv3d.model.errors import MalformedFile
+from meshconv3d.model.loading.archive import normal
+from meshconv3d.model.loading.limits import Limits
+from meshconv3d.model.loading.scene import Matrix
+from meshconv3d.model.loading.text import quoted
+from meshconv3d.model.loading.triangles import Triangles
+from meshconv3d.model.loading.xml import SEPARATOR, Attributes, read_xml
 
 _PATH = f"http://schemas.microsoft.com/3dmanufacturing/production/2015/06{SEPARATOR}path"
 # Namespaces of extensions that leave the triangles as they are, or that are read.

@@ -5,8 +5,8 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from model.errors import MalformedFile
-from model.loading.limits import Limits
+from meshconv3d.model.errors import MalformedFile
+from meshconv3d.model.loading.limits import Limits
 
 # Vertices V x 3 and triangles F x 3. What is wrong with them is for Mesh to say, so an index that
 # names no vertex is kept, never wrapped.

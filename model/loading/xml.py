@@ -3,9 +3,9 @@
 from collections.abc import Callable, Iterable
 from xml.parsers import expat
 
-from model.errors import MalformedFile
-from model.loading.limits import Limits
-from model.loading.text import quoted
+from meshconv3d.model.errors import MalformedFile
+from meshconv3d.model.loading.limits import Limits
+from meshconv3d.model.loading.text import quoted
 
 Attributes = dict[str, str]
 

@@ -11,19 +11,19 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from model.errors import UnusableMesh
-from model.mesh import Mesh
-from model.preparation.cleaning import (
+from meshconv3d.model.errors import UnusableMesh
+from meshconv3d.model.mesh import Mesh
+from meshconv3d.model.preparation.cleaning import (
     bounding_cube,
     clean,
     count_components,
     drop_degenerate,
     drop_unused,
 )
-from model.preparation.coarsening import coarsen
-from model.preparation.report import MeshReport
-from model.preparation.resampling import decimate, subdivide
-from model.preparation.triangles import (
+from meshconv3d.model.preparation.coarsening import coarsen
+from meshconv3d.model.preparation.report import MeshReport
+from meshconv3d.model.preparation.resampling import decimate, subdivide
+from meshconv3d.model.preparation.triangles import (
     face_areas,
     farthest,
     measure_faces,

@@ -9,17 +9,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from model.errors import UnusableMesh
-from model.kernels import kernel
-from model.mesh import Mesh
-from model.preparation.triangles import (
+from meshconv3d.model.errors import UnusableMesh
+from meshconv3d.model.jit import kernel
+from meshconv3d.model.mesh import Mesh
+from meshconv3d.model.preparation.triangles import (
     bounds,
     enclose,
     have_height,
     measure_faces,
     weighted_mean,
 )
-from model.topology.halfedges import find_twins
+from meshconv3d.model.topology.halfedges import find_twins
 
 # The welding grid divides each axis of the unit box into 2^20 steps, 1e-6 of the mesh's size:
 # coarser than the rounding of float32 coordinates, finer than any edge worth keeping. Coordinates

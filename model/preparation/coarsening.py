@@ -8,10 +8,10 @@ it leaves is cleaned again, and simplified on with care.
 import numpy as np
 from numpy.typing import NDArray
 
-from model.errors import UnusableMesh
-from model.mesh import Mesh
-from model.preparation.cleaning import bounding_cube, clean
-from model.preparation.triangles import surface_area
+from meshconv3d.model.errors import UnusableMesh
+from meshconv3d.model.mesh import Mesh
+from meshconv3d.model.preparation.cleaning import bounding_cube, clean
+from meshconv3d.model.preparation.triangles import surface_area
 
 # Faces up to which care costs no more than a fifth of a second.
 MOST_FACES = 20_000

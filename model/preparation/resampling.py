@@ -6,8 +6,8 @@ import os
 import numpy as np
 from numpy.typing import NDArray
 
-from model.kernels import kernel
-from model.topology.halfedges import find_twins
+from meshconv3d.model.jit import kernel
+from meshconv3d.model.topology.halfedges import find_twins
 
 # Read as libigl is first used. To start threads for each mesh takes longer than they save, and
 # where all cores are busy, they wait for each other.

@@ -5,7 +5,7 @@ its arithmetic. The order of additions is NumPy's, so that both give the same bi
 import numpy as np
 from numpy.typing import NDArray
 
-from model.kernels import kernel
+from meshconv3d.model.jit import kernel
 
 
 @kernel

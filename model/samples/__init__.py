@@ -7,7 +7,7 @@ differ, so that together they go through every reader and every kind of preparat
 
 from pathlib import Path
 
-from model.loading import FORMATS
+from meshconv3d.model.loading import FORMATS
 
 
 def sample_paths() -> dict[str, Path]:

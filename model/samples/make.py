@@ -14,11 +14,11 @@ import igl
 import numpy as np
 import trimesh
 
-from model.mesh import Mesh
-from model.preparation import into_unit_sphere
-from model.preparation.resampling import decimate
-from model.samples.shapes import SHAPES
-from model.samples.solids import surface
+from meshconv3d.model.mesh import Mesh
+from meshconv3d.model.preparation import into_unit_sphere
+from meshconv3d.model.preparation.resampling import decimate
+from meshconv3d.model.samples.shapes import SHAPES
+from meshconv3d.model.samples.solids import surface
 
 
 @dataclass(frozen=True)

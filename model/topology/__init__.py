@@ -4,7 +4,7 @@
 is one pooling level of one mesh and `levels` all of them, `ragged` joins the meshes of a batch.
 """
 
-from model.topology.levels import Topology, build_topology
-from model.topology.surface import Reading, Surface
+from meshconv3d.model.topology.levels import Topology, build_topology
+from meshconv3d.model.topology.surface import Reading, Surface
 
 __all__ = ["Reading", "Surface", "Topology", "build_topology"]

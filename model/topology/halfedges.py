@@ -8,7 +8,7 @@ from that one array: h // 3, h % 3, twin[h] // 3.
 import numpy as np
 from numpy.typing import NDArray
 
-from model.kernels import kernel
+from meshconv3d.model.jit import kernel
 
 
 @kernel

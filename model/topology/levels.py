@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from model.topology.pooling import gather_mean
-from model.topology.surface import PAPER, Reading, Surface
+from meshconv3d.model.topology.pooling import gather_mean
+from meshconv3d.model.topology.surface import PAPER, Reading, Surface
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,15 +1,15 @@
 """The topology stage as two functions on plain arrays: the kernels of the graph's operators.
 
 Learned pooling needs the topology between the layers of the network. These are what torch
-(`model.operators`) and onnxruntime (`export.operators`) call there; a runtime of another kind can
-supply its own. Attributes are whole numbers, as ONNX has them.
+(`model.nn.operators`) and onnxruntime (`export.operators`) call there; a runtime of another kind
+can supply its own. Attributes are whole numbers, as ONNX has them.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
-from model.topology.ragged import SurfaceBatch
-from model.topology.surface import Reading, Surface
+from meshconv3d.model.topology.ragged import SurfaceBatch
+from meshconv3d.model.topology.surface import Reading, Surface
 
 
 def grow_patches(

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from model.kernels import kernel
+from meshconv3d.model.jit import kernel
 
 
 @kernel

@@ -17,7 +17,7 @@ Passes repeat until the target is met or a pass removes nothing.
 import numpy as np
 from numpy.typing import NDArray
 
-from model.kernels import kernel
+from meshconv3d.model.jit import kernel
 
 # A collapse without flaps removes four faces: from one above the target it lands three below.
 SLACK = 3

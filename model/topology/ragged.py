@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from model.topology.surface import Reading, Surface
+from meshconv3d.model.topology.surface import Reading, Surface
 
 
 @dataclass(frozen=True, eq=False)

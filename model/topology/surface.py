@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from model.mesh import Mesh
-from model.topology.halfedges import edge_lengths, find_twins, sort_adjacency
-from model.topology.patches import grow_patches
-from model.topology.pooling import pool_faces
+from meshconv3d.model.mesh import Mesh
+from meshconv3d.model.topology.halfedges import edge_lengths, find_twins, sort_adjacency
+from meshconv3d.model.topology.patches import grow_patches
+from meshconv3d.model.topology.pooling import pool_faces
 
 
 @dataclass(frozen=True)

@@ -7,11 +7,11 @@ from collections.abc import Callable, Collection
 from dataclasses import asdict, dataclass
 from typing import Protocol
 
-from model.errors import MeshError, UnusableMesh
-from model.loading import Limits
-from service.batch.entries import Entry
-from service.records import Reason, Refusal, refusal
-from service.workers import DeadlineExceeded, TaskFailed, Work
+from meshconv3d.model.errors import MeshError, UnusableMesh
+from meshconv3d.model.loading import Limits
+from meshconv3d.service.batch.entries import Entry
+from meshconv3d.service.records import Reason, Refusal, refusal
+from meshconv3d.service.workers import DeadlineExceeded, TaskFailed, Work
 
 log = logging.getLogger(__name__)
 

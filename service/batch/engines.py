@@ -8,11 +8,11 @@ from collections.abc import Collection, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Protocol, Self
 
-from service.batch.budget import Budget
-from service.batch.classifying import Classify, DoneAs, Options, Outcome, classify_entry
-from service.batch.entries import Entry
-from service.batch.ordering import as_they_come, in_order
-from service.workers import Record, ThreadedPool, Work
+from meshconv3d.service.batch.budget import Budget
+from meshconv3d.service.batch.classifying import Classify, DoneAs, Options, Outcome, classify_entry
+from meshconv3d.service.batch.entries import Entry
+from meshconv3d.service.batch.ordering import as_they_come, in_order
+from meshconv3d.service.workers import Record, ThreadedPool, Work
 
 # Files that are read or wait for each worker, so that it never waits for one: the way to an
 # object store takes many times what classifying takes. And how many bytes of them are held.

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Protocol
 
-from service.batch.remote import filesystem, remote_errors
+from meshconv3d.service.batch.remote import filesystem, remote_errors
 
 # Object stores cannot append: lines go there in parts, of so many or after so many seconds.
 PART_LINES = 1000

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 
-from model.loading import FORMATS
-from service.batch.entries import Entry, Source, StandardInput
-from service.batch.local import LOCAL
-from service.batch.patterns import MAGIC, matches, may_match
-from service.batch.remote import REMOTE, is_url
-from service.batch.sharding import Shard
+from meshconv3d.model.loading import FORMATS
+from meshconv3d.service.batch.entries import Entry, Source, StandardInput
+from meshconv3d.service.batch.local import LOCAL
+from meshconv3d.service.batch.patterns import MAGIC, matches, may_match
+from meshconv3d.service.batch.remote import REMOTE, is_url
+from meshconv3d.service.batch.sharding import Shard
 
 # The path that stands for standard input.
 STDIN = "-"

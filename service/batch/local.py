@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from model.loading import walk_meshes
-from service.batch.entries import Entry
-from service.batch.patterns import split_glob
-from service.records import readable
+from meshconv3d.model.loading import walk_meshes
+from meshconv3d.service.batch.entries import Entry
+from meshconv3d.service.batch.patterns import split_glob
+from meshconv3d.service.records import readable
 
 NO_FILE = "it is no file; pipe what it holds to -"
 

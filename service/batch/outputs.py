@@ -3,10 +3,10 @@
 import json
 from collections.abc import Callable, Collection
 
-from service.batch.classifying import Outcome
-from service.batch.resuming import Done, fault_of, is_settled, stamped
-from service.batch.summary import Tally
-from service.batch.targets import NotWritten, Target
+from meshconv3d.service.batch.classifying import Outcome
+from meshconv3d.service.batch.resuming import Done, fault_of, is_settled, stamped
+from meshconv3d.service.batch.summary import Tally
+from meshconv3d.service.batch.targets import NotWritten, Target
 
 # How the line of a record begins.
 RECORD_START = b'{"file":'

@@ -7,8 +7,8 @@ from typing import Any, BinaryIO, get_type_hints
 import pyarrow as pa
 from pyarrow.parquet import ParquetWriter
 
-from model.preparation import MeshReport
-from service.classifier import STAGES
+from meshconv3d.model.preparation import MeshReport
+from meshconv3d.service.classifier import STAGES
 
 # Records to a row group, which is what is held until it is written.
 GROUP = 4096

@@ -5,10 +5,10 @@ from collections.abc import Collection, Iterable
 
 import pyarrow as pa
 
-from service.batch.classifying import Options, Outcome
-from service.batch.engines import Workers
-from service.batch.entries import Entry
-from service.workers import Setup, ThreadedPool
+from meshconv3d.service.batch.classifying import Options, Outcome
+from meshconv3d.service.batch.engines import Workers
+from meshconv3d.service.batch.entries import Entry
+from meshconv3d.service.workers import Setup, ThreadedPool
 
 OUTCOMES = pa.schema(
     {

@@ -20,13 +20,13 @@ import ray.data
 from ray.data.block import Block
 from ray.exceptions import RayError
 
-from service.batch.classifying import DoneAs, Options, Outcome
-from service.batch.engines import EngineFailed
-from service.batch.entries import Entry
-from service.batch.local import LocalFile
-from service.batch.ray_actor import OneWorker, packed, unpacked
-from service.batch.shared import SharedFile
-from service.workers import Setup
+from meshconv3d.service.batch.classifying import DoneAs, Options, Outcome
+from meshconv3d.service.batch.engines import EngineFailed
+from meshconv3d.service.batch.entries import Entry
+from meshconv3d.service.batch.local import LocalFile
+from meshconv3d.service.batch.ray_actor import OneWorker, packed, unpacked
+from meshconv3d.service.batch.shared import SharedFile
+from meshconv3d.service.workers import Setup
 
 # Entries that an actor takes at a time, and that are done again if its node is lost.
 BLOCK = 32

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from functools import cache, cached_property
 from typing import Any, Literal
 
-from model.loading import has_mesh_name
-from service.batch.entries import Entry
-from service.batch.patterns import split_glob
+from meshconv3d.model.loading import has_mesh_name
+from meshconv3d.service.batch.entries import Entry
+from meshconv3d.service.batch.patterns import split_glob
 
 
 def is_url(path: str) -> bool:

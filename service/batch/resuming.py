@@ -6,7 +6,7 @@ from collections.abc import Collection
 from hashlib import sha256
 from typing import Any
 
-from service.batch.classifying import PASSING, Outcome
+from meshconv3d.service.batch.classifying import PASSING, Outcome
 
 
 def stamped(outcome: Outcome, run: str) -> bytes:

@@ -5,7 +5,7 @@ import socket
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from service.batch.local import LocalFile
+from meshconv3d.service.batch.local import LocalFile
 
 
 @dataclass(frozen=True)

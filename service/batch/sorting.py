@@ -13,7 +13,7 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
-from service.records import Answer, Refusal
+from meshconv3d.service.records import Answer, Refusal
 
 # How many names below DIR a file lies: CLASS/FILE, refused/FAULT/FILE.
 DEPTHS = (2, 3)

@@ -6,8 +6,8 @@ import json
 from dataclasses import fields
 from typing import Any, BinaryIO, Protocol
 
-from model.preparation import MeshReport
-from service.classifier import STAGES
+from meshconv3d.model.preparation import MeshReport
+from meshconv3d.service.classifier import STAGES
 
 
 class Table(Protocol):

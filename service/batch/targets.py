@@ -10,9 +10,9 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import BinaryIO
 
-from service.batch.journals import Journal, LocalJournal, RemoteJournal, errors_naming
-from service.batch.remote import filesystem, is_url, remote_errors
-from service.batch.tables import Csv, Lines, Table
+from meshconv3d.service.batch.journals import Journal, LocalJournal, RemoteJournal, errors_naming
+from meshconv3d.service.batch.remote import filesystem, is_url, remote_errors
+from meshconv3d.service.batch.tables import Csv, Lines, Table
 
 FORMS = ("jsonl", "csv", "parquet")
 
@@ -80,7 +80,7 @@ class Target:
 
 def _table_of(form: str) -> Callable[[BinaryIO], Table]:
     if form == "parquet":
-        from service.batch.parquet import Parquet
+        from meshconv3d.service.batch.parquet import Parquet
 
         return Parquet
     return {"csv": Csv, "jsonl": Lines}[form]

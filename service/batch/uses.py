@@ -3,9 +3,9 @@
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from service.batch.classifying import Outcome
-from service.batch.sorting import SortedFolder
-from service.records import Answer, ModelId, Refusal, parse_record
+from meshconv3d.service.batch.classifying import Outcome
+from meshconv3d.service.batch.sorting import SortedFolder
+from meshconv3d.service.records import Answer, ModelId, Refusal, parse_record
 
 
 class Uses:
@@ -17,8 +17,8 @@ class Uses:
         self._folder = None if folder is None else SortedFolder(folder)
         self._report = None
         if page is not None:
-            from service.batch.report.collecting import Report
-            from service.batch.report.page import write_page
+            from meshconv3d.service.batch.report.collecting import Report
+            from meshconv3d.service.batch.report.page import write_page
 
             self._report = Report(model, source)
             self._write = lambda report, seconds: write_page(report, page, seconds)

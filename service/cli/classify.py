@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 
 import click
 
-from service.cli.shared import read_settings
+from meshconv3d.service.cli.shared import read_settings
 
 if TYPE_CHECKING:
-    from service.batch.classifying import Outcome
-    from service.batch.outputs import Output
-    from service.batch.targets import Target
-    from service.batch.uses import Uses
-    from service.cli.sinks import Sink
-    from service.cli.watching import Watch
+    from meshconv3d.service.batch.classifying import Outcome
+    from meshconv3d.service.batch.outputs import Output
+    from meshconv3d.service.batch.targets import Target
+    from meshconv3d.service.batch.uses import Uses
+    from meshconv3d.service.cli.sinks import Sink
+    from meshconv3d.service.cli.watching import Watch
 
 # The class and its runner-up: with more, the table outgrows a terminal of 80 columns.
 TABLE_TOP = 2
@@ -124,11 +124,11 @@ def classify(
         raise click.UsageError("--ray-address is of a Ray cluster: add --engine ray")
     if engine_name == "ray" and (out is not None or "-" in paths):
         raise click.UsageError("--explain and - are for this machine: leave out --engine ray")
-    from service.batch.classifying import Options, run_id
-    from service.batch.uses import Uses
-    from service.cli.engines import FEW, explaining_engine, open_engine, ray_engine
-    from service.cli.places import check_folder, check_page, listing_of, target_of
-    from service.cli.watching import Watch
+    from meshconv3d.service.batch.classifying import Options, run_id
+    from meshconv3d.service.batch.uses import Uses
+    from meshconv3d.service.cli.engines import FEW, explaining_engine, open_engine, ray_engine
+    from meshconv3d.service.cli.places import check_folder, check_page, listing_of, target_of
+    from meshconv3d.service.cli.watching import Watch
 
     listing = listing_of(paths, declared, include, exclude, shard)
     if folder is not None:
@@ -163,8 +163,8 @@ def classify(
 
 def _output(target: "Target", run: str, uses: "Uses") -> "Output":
     """The output file. One that is not of this run is a usage error."""
-    from service.batch.outputs import Output
-    from service.batch.targets import NotWritten
+    from meshconv3d.service.batch.outputs import Output
+    from meshconv3d.service.batch.targets import NotWritten
 
     try:
         return Output(target, run, uses.earlier)
@@ -173,7 +173,7 @@ def _output(target: "Target", run: str, uses: "Uses") -> "Output":
 
 
 def _printer(at_terminal: bool, watch: "Watch") -> "Sink":
-    from service.cli.sinks import Lines, Tables
+    from meshconv3d.service.cli.sinks import Lines, Tables
 
     return Tables(watch.paused) if at_terminal else Lines()
 
@@ -182,7 +182,7 @@ def _follow(
     watch: "Watch", outcomes: "Iterable[Outcome]", sink: "Sink", target: "Target | None"
 ) -> None:
     """Hand all outcomes to the sink, which keeps what it has however that ends."""
-    from service.batch.engines import EngineFailed
+    from meshconv3d.service.batch.engines import EngineFailed
 
     try:
         watch.follow(outcomes, sink)

@@ -6,19 +6,19 @@ from pathlib import Path
 
 import click
 
-from export.metadata import ModelFileError
-from service.batch.classifying import Classify
-from service.batch.engines import Engine, EngineFailed, Here, Workers
-from service.batch.entries import StandardInput
-from service.batch.listing import Listing
-from service.batch.local import LocalFile
-from service.classifier import SelfTestError
-from service.cli.explain import explaining
-from service.cli.shared import load_classifier
-from service.models import Model, ModelFile
-from service.records import ModelId
-from service.settings import Settings
-from service.workers import NotStarted, Setup, ThreadedPool, record_of
+from meshconv3d.export.metadata import ModelFileError
+from meshconv3d.service.batch.classifying import Classify
+from meshconv3d.service.batch.engines import Engine, EngineFailed, Here, Workers
+from meshconv3d.service.batch.entries import StandardInput
+from meshconv3d.service.batch.listing import Listing
+from meshconv3d.service.batch.local import LocalFile
+from meshconv3d.service.classifier import SelfTestError
+from meshconv3d.service.cli.explain import explaining
+from meshconv3d.service.cli.shared import load_classifier
+from meshconv3d.service.models import Model, ModelFile
+from meshconv3d.service.records import ModelId
+from meshconv3d.service.settings import Settings
+from meshconv3d.service.workers import NotStarted, Setup, ThreadedPool, record_of
 
 # As many files are classified in this process before worker processes would be ready.
 FEW = 16
@@ -53,7 +53,7 @@ def ray_engine(
     address: str | None,
 ) -> tuple[ModelId, Engine]:
     """As `open_engine`, over a Ray cluster; see `Ray`."""
-    from service.batch.ray_engine import Ray
+    from meshconv3d.service.batch.ray_engine import Ray
 
     model_id = _id(load_classifier(model).model)
     file = ModelFile.read(model or settings.models[0])
@@ -75,7 +75,7 @@ def explaining_engine(
 
 def _start_workers(model: str, settings: Settings, pictured: bool) -> ThreadedPool:
     # A worker that a file has ended is that file's record.
-    logging.getLogger("service.workers").setLevel(logging.ERROR)
+    logging.getLogger("meshconv3d.service.workers").setLevel(logging.ERROR)
     try:
         pool = ThreadedPool(_setup(ModelFile.read(model), settings, pictured), settings.workers)
         pool.start()

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 import click
 
-from service.cli.shared import load_classifier
-from service.cli.terminal import with_progress
+from meshconv3d.service.cli.shared import load_classifier
+from meshconv3d.service.cli.terminal import with_progress
 
 if TYPE_CHECKING:
-    from model.datasets import Sample
+    from meshconv3d.model.training.datasets import Sample
 
 
 @click.command()
@@ -56,11 +56,11 @@ def evaluate(
     """
     if out:
         # Now, since it needs what may be missing: after an hour of classifying it is too late.
-        import service.cli.evaluation_files  # noqa: F401
-    from service.cli.evaluation_tables import print_evaluation
-    from service.evaluation import classify_samples, summarise
-    from service.evaluation_report import DataId
-    from service.records import readable
+        import meshconv3d.service.cli.evaluation_files  # noqa: F401
+    from meshconv3d.service.cli.evaluation_tables import print_evaluation
+    from meshconv3d.service.evaluation import classify_samples, summarise
+    from meshconv3d.service.evaluation_report import DataId
+    from meshconv3d.service.records import readable
 
     classifier = load_classifier(model)
     samples = _find(data, split_file, part, classifier.model.card.config.classes)
@@ -73,7 +73,7 @@ def evaluate(
     measured = DataId(folder=readable(str(data)), split_file=split, part=part)
     report = summarise(classifier.model, measured, outcomes, seconds)
     if out:
-        from service.cli.evaluation_files import write_files
+        from meshconv3d.service.cli.evaluation_files import write_files
 
         write_files(out, report, outcomes)
     if as_json or not sys.stdout.isatty():
@@ -85,7 +85,7 @@ def evaluate(
 
 def _find(data: Path, split_file: Path | None, part: str, known: Sequence[str]) -> "list[Sample]":
     """The files to classify. None at all, or of a class that the model lacks, is a usage error."""
-    from model.datasets import DatasetError, class_names, list_samples
+    from meshconv3d.model.training.datasets import DatasetError, class_names, list_samples
 
     try:
         listed = list_samples(data, split_file)

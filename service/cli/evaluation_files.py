@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from model.confusion import draw_confusion
-from service.classifier import Classification
-from service.evaluation import Outcome
-from service.evaluation_report import Report
-from service.records import Refusal, answer, readable
+from meshconv3d.model.training.confusion import draw_confusion
+from meshconv3d.service.classifier import Classification
+from meshconv3d.service.evaluation import Outcome
+from meshconv3d.service.evaluation_report import Report
+from meshconv3d.service.records import Refusal, answer, readable
 
 
 def write_files(folder: Path, report: Report, outcomes: Sequence[Outcome]) -> None:

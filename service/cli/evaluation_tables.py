@@ -5,10 +5,10 @@ from collections.abc import Iterable, Iterator, Sequence
 from rich.console import Console
 from rich.table import Table
 
-from service.cli.terminal import shown
-from service.evaluation import Outcome
-from service.evaluation_report import ClassFigures, Report, Timing
-from service.records import Reason, readable
+from meshconv3d.service.cli.terminal import shown
+from meshconv3d.service.evaluation import Outcome
+from meshconv3d.service.evaluation_report import ClassFigures, Report, Timing
+from meshconv3d.service.records import Reason, readable
 
 
 def print_evaluation(report: Report, outcomes: Sequence[Outcome]) -> None:

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import click
 
 if TYPE_CHECKING:
-    from service.batch.classifying import Classified, Classify
-    from service.classifier import Classifier
-    from service.workers import Work
+    from meshconv3d.service.batch.classifying import Classified, Classify
+    from meshconv3d.service.classifier import Classifier
+    from meshconv3d.service.workers import Work
 
 
 class Explained(NamedTuple):
@@ -27,8 +27,8 @@ def explaining(
 
     A call that cannot be carried out is a usage error, before anything is read.
     """
-    from service.evidence import FORMS, NotExplained, explain, explained_class
-    from service.records import answer, readable
+    from meshconv3d.service.evidence import FORMS, NotExplained, explain, explained_class
+    from meshconv3d.service.records import answer, readable
 
     config = classifier.model.card.config
     try:
@@ -64,8 +64,8 @@ def _write(target: Path, content: bytes) -> None:
 def _targets(files: Sequence[str], out: Path) -> list[tuple[str, Path]]:
     """The name of each file and where its explanation goes: OUT, or into the folder OUT, which
     gets the folders of the files from where they part."""
-    from model.loading import FORMATS as READ
-    from service.evidence import FORMS
+    from meshconv3d.model.loading import FORMATS as READ
+    from meshconv3d.service.evidence import FORMS
 
     if not out.is_dir() and _extension(out) in FORMS:
         if len(files) > 1:

@@ -13,8 +13,8 @@ def inspect(model: str | None, as_json: bool) -> None:
 
     [default: the first of MESHCONV3D_MODELS, or shrec11]
     """
-    from service.cli.shared import load_classifier
-    from service.cli.terminal import printable
+    from meshconv3d.service.cli.shared import load_classifier
+    from meshconv3d.service.cli.terminal import printable
 
     opened = load_classifier(model).model
     card = opened.describe()

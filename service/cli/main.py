@@ -13,14 +13,19 @@ from collections.abc import Callable
 
 import click
 
-# name -> (module:function, one line of help)
+# name -> (module:function in this package, one line of help)
 COMMANDS = {
-    "classify": ("service.cli.classify:classify", "Say what the meshes in files and folders are."),
+    "classify": (
+        "service.cli.classify:classify",
+        "Say what the meshes in files and folders are.",
+    ),
     "evaluate": ("service.cli.evaluate:evaluate", "Measure how good a model is."),
     "serve": ("service.cli.serve:serve", "Answer over HTTP."),
     "inspect": ("service.cli.inspect:inspect", "Show a model's card."),
-    "data": ("model.data_cli:data", "Make a data set to train on."),
-    "train": ("model.cli:train", "Train a network on a folder of labelled meshes."),
+    "train": (
+        "model.training.cli:train",
+        "Train a network on a folder of labelled meshes.",
+    ),
     "export": ("export.cli:export", "Turn a checkpoint into one ONNX file."),
     "verify": ("export.cli:verify", "Compare an ONNX file with its checkpoint."),
 }
@@ -29,7 +34,6 @@ COMMANDS = {
 EXTRAS = {
     "report": {"jinja2", "PIL"},
     "ray": {"ray"},
-    "data": {"manifold3d", "PIL", "shapely", "skimage"},
     "parquet": {"pyarrow"},
     "remote": {"fsspec"},
     "train": {"torch", "onnx", "onnxscript", "safetensors", "matplotlib"},
@@ -52,7 +56,7 @@ class Commands(click.Group):
         if cmd_name not in COMMANDS:
             return None
         module, function = COMMANDS[cmd_name][0].split(":")
-        return getattr(importlib.import_module(module), function)
+        return getattr(importlib.import_module(f"meshconv3d.{module}"), function)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         with formatter.section("Commands"):

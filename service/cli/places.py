@@ -6,11 +6,11 @@ from pathlib import Path
 
 import click
 
-from model.loading import FORMATS
-from service.batch.listing import STDIN, Choice, Listing, NotListed
-from service.batch.sharding import Shard
-from service.batch.sorting import DEPTHS
-from service.batch.targets import NotWritten, Target
+from meshconv3d.model.loading import FORMATS
+from meshconv3d.service.batch.listing import STDIN, Choice, Listing, NotListed
+from meshconv3d.service.batch.sharding import Shard
+from meshconv3d.service.batch.sorting import DEPTHS
+from meshconv3d.service.batch.targets import NotWritten, Target
 
 
 def listing_of(

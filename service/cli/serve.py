@@ -7,7 +7,7 @@ from typing import Any, Literal, get_args, get_origin
 import click
 from pydantic.fields import FieldInfo
 
-from service.settings import Settings
+from meshconv3d.service.settings import Settings
 
 
 def settings_options(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -51,15 +51,15 @@ def serve(**flags: Any) -> None:
     goes before its variable. It stops at SIGTERM or SIGINT once all accepted work is answered; a
     second one ends it at once.
     """
-    from export.metadata import ModelFileError
-    from service.classifier import SelfTestError
-    from service.cli.shared import read_settings
-    from service.http.behind import start_workers
-    from service.http.listening import CannotListen
-    from service.http.open_files import TooFewFiles, allow_open_files
-    from service.http.server import run
-    from service.logs import configure_logs
-    from service.workers import NotStarted
+    from meshconv3d.export.metadata import ModelFileError
+    from meshconv3d.service.classifier import SelfTestError
+    from meshconv3d.service.cli.shared import read_settings
+    from meshconv3d.service.http.behind import start_workers
+    from meshconv3d.service.http.listening import CannotListen
+    from meshconv3d.service.http.open_files import TooFewFiles, allow_open_files
+    from meshconv3d.service.http.server import run
+    from meshconv3d.service.logs import configure_logs
+    from meshconv3d.service.workers import NotStarted
 
     settings = read_settings(flags)
     configure_logs(settings.log_format)

@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING, Any
 import click
 
 if TYPE_CHECKING:
-    from service.classifier import Classifier
-    from service.settings import Settings
+    from meshconv3d.service.classifier import Classifier
+    from meshconv3d.service.settings import Settings
 
 
 def read_settings(flags: Mapping[str, Any]) -> "Settings":
     """The settings, with the flags that were given over them; a bad one is a usage error."""
     from pydantic import ValidationError
 
-    from service.settings import Settings
+    from meshconv3d.service.settings import Settings
 
     given = {name: value for name, value in flags.items() if value not in (None, ())}
     try:
@@ -37,9 +37,9 @@ def load_classifier(model: str | None) -> "Classifier":
 
     A model that is missing, damaged, or does not give its own scores is a usage error.
     """
-    from export.metadata import ModelFileError
-    from service.classifier import Classifier, SelfTestError
-    from service.models import open_model
+    from meshconv3d.export.metadata import ModelFileError
+    from meshconv3d.service.classifier import Classifier, SelfTestError
+    from meshconv3d.service.models import open_model
 
     settings = read_settings({})
     try:

@@ -9,9 +9,9 @@ import click
 from rich.console import Console
 from rich.table import Table
 
-from service.batch.classifying import Outcome
-from service.batch.summary import Tally
-from service.cli.terminal import shown
+from meshconv3d.service.batch.classifying import Outcome
+from meshconv3d.service.batch.summary import Tally
+from meshconv3d.service.cli.terminal import shown
 
 # Rows that are printed as one table: columns can be measured only once all rows are there.
 PAGE = 1000

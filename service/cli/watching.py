@@ -16,10 +16,10 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from service.batch.classifying import Outcome
-from service.batch.listing import Listing
-from service.batch.summary import Tally
-from service.cli.sinks import Sink
+from meshconv3d.service.batch.classifying import Outcome
+from meshconv3d.service.batch.listing import Listing
+from meshconv3d.service.batch.summary import Tally
+from meshconv3d.service.cli.sinks import Sink
 
 
 class Watch:

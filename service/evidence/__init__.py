@@ -4,7 +4,12 @@
 `glb` and `ply` write the mesh, and `forms` lists all forms in which an explanation leaves.
 """
 
-from service.evidence.explanation import Explanation, NotExplained, explain, explained_class
-from service.evidence.forms import FORMS, Form
+from meshconv3d.service.evidence.explanation import (
+    Explanation,
+    NotExplained,
+    explain,
+    explained_class,
+)
+from meshconv3d.service.evidence.forms import FORMS, Form
 
 __all__ = ["FORMS", "Explanation", "Form", "NotExplained", "explain", "explained_class"]

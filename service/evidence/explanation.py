@@ -8,10 +8,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from model.evidence import onto_file
-from model.mesh import Mesh
-from model.preparation import face_areas
-from service.classifier import Classification, Classifier, timed
+from meshconv3d.model.attribution import onto_file
+from meshconv3d.model.mesh import Mesh
+from meshconv3d.model.preparation import face_areas
+from meshconv3d.service.classifier import Classification, Classifier, timed
 
 # The share of the surface that the colours tell apart; what is beyond it has the last colour.
 SHOWN_SHARE = 0.95

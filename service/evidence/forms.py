@@ -3,11 +3,11 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from model.loading import FORMATS
-from service.evidence.explanation import Explanation
-from service.evidence.glb import to_glb
-from service.evidence.ply import to_ply
-from service.evidence.records import explained_answer
+from meshconv3d.model.loading import FORMATS
+from meshconv3d.service.evidence.explanation import Explanation
+from meshconv3d.service.evidence.glb import to_glb
+from meshconv3d.service.evidence.ply import to_ply
+from meshconv3d.service.evidence.records import explained_answer
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,9 @@ import struct
 
 import numpy as np
 
-from service.evidence.colours import linear_colours
-from service.evidence.explanation import Explanation
-from service.evidence.records import legend
+from meshconv3d.service.evidence.colours import linear_colours
+from meshconv3d.service.evidence.explanation import Explanation
+from meshconv3d.service.evidence.records import legend
 
 FLOAT, UNSIGNED_SHORT = 5126, 5123
 ARRAY_BUFFER = 34962

@@ -4,9 +4,9 @@ import json
 
 import numpy as np
 
-from service.evidence.colours import srgb_colours
-from service.evidence.explanation import Explanation
-from service.evidence.records import legend
+from meshconv3d.service.evidence.colours import srgb_colours
+from meshconv3d.service.evidence.explanation import Explanation
+from meshconv3d.service.evidence.records import legend
 
 CORNER = np.dtype([("place", "<f8", 3), ("colour", "u1", 3)])
 FACE = np.dtype(

@@ -2,9 +2,9 @@
 
 from pydantic import BaseModel, Field
 
-from service.evidence.colours import legend_colours
-from service.evidence.explanation import Explanation
-from service.records import Answer, ModelId, answer, model_id
+from meshconv3d.service.evidence.colours import legend_colours
+from meshconv3d.service.evidence.explanation import Explanation
+from meshconv3d.service.records import Answer, ModelId, answer, model_id
 
 
 class Legend(BaseModel):

@@ -9,22 +9,22 @@ from fastapi import FastAPI
 from starlette.middleware.cors import CORSMiddleware
 from starlette.types import ASGIApp
 
-from service.http import page
-from service.http.admission import Admission
-from service.http.cards import card_routes
-from service.http.description import INFERENCE_SCHEMAS
-from service.http.gate import Gate
-from service.http.keys import Keyed, describe_keys
-from service.http.metrics import Metrics
-from service.http.observing import Observed
-from service.http.probes import probe_routes
-from service.http.problems import install_problem_handlers
-from service.http.refusing import Refusing
-from service.http.serving import Serving
-from service.http.v1 import v1_routes
-from service.http.v2 import v2_routes
-from service.settings import Settings
-from service.workers import WorkerPool
+from meshconv3d.service.http import page
+from meshconv3d.service.http.admission import Admission
+from meshconv3d.service.http.cards import card_routes
+from meshconv3d.service.http.description import INFERENCE_SCHEMAS
+from meshconv3d.service.http.gate import Gate
+from meshconv3d.service.http.keys import Keyed, describe_keys
+from meshconv3d.service.http.metrics import Metrics
+from meshconv3d.service.http.observing import Observed
+from meshconv3d.service.http.probes import probe_routes
+from meshconv3d.service.http.problems import install_problem_handlers
+from meshconv3d.service.http.refusing import Refusing
+from meshconv3d.service.http.serving import Serving
+from meshconv3d.service.http.v1 import v1_routes
+from meshconv3d.service.http.v2 import v2_routes
+from meshconv3d.service.settings import Settings
+from meshconv3d.service.workers import WorkerPool
 
 # What a page of a named origin may send, and what it may see of an answer.
 CORS_REQUEST_HEADERS = (

@@ -1,9 +1,9 @@
 """What stands behind the app, as the settings say: workers that are warm, and what is let in."""
 
-from service.http.admission import Admission
-from service.models import ModelFile
-from service.settings import Settings
-from service.workers import Setup, WorkerPool
+from meshconv3d.service.http.admission import Admission
+from meshconv3d.service.models import ModelFile
+from meshconv3d.service.settings import Settings
+from meshconv3d.service.workers import Setup, WorkerPool
 
 
 def start_workers(settings: Settings) -> WorkerPool:

@@ -4,8 +4,8 @@ from dataclasses import asdict
 
 from fastapi import APIRouter
 
-from service.http.description import problems
-from service.http.serving import Serving
+from meshconv3d.service.http.description import problems
+from meshconv3d.service.http.serving import Serving
 
 
 def card_routes(serving: Serving) -> APIRouter:

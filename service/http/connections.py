@@ -11,8 +11,8 @@ import httptools
 from uvicorn._types import ASGI3Application
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol, RequestResponseCycle
 
-from service.http.errors import BadBody, BadHead, HeadTooLong, UpgradeAsked
-from service.http.refusing import Refusal, crowded
+from meshconv3d.service.http.errors import BadBody, BadHead, HeadTooLong, UpgradeAsked
+from meshconv3d.service.http.refusing import Refusal, crowded
 
 # Request line and headers together, in bytes.
 MOST_HEAD_BYTES = 64 * 1024

@@ -2,9 +2,9 @@
 
 from pydantic import BaseModel
 
-from model.loading import FORMATS
-from service.http.problems import PROBLEM_JSON, Problem
-from service.http.tensors_in import JSON_LENGTH, InferenceRequest
+from meshconv3d.model.loading import FORMATS
+from meshconv3d.service.http.problems import PROBLEM_JSON, Problem
+from meshconv3d.service.http.tensors_in import JSON_LENGTH, InferenceRequest
 
 BINARY = {"type": "string", "format": "binary"}
 

@@ -6,13 +6,13 @@ import time
 from starlette.requests import Request
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from service.http.admission import Admission, Full
-from service.http.errors import UploadTooLarge, UploadTooSlow
-from service.http.notes import Notes
-from service.http.problems import full
-from service.http.refusing import refusal_of
-from service.settings import Settings
-from service.workers import Job
+from meshconv3d.service.http.admission import Admission, Full
+from meshconv3d.service.http.errors import UploadTooLarge, UploadTooSlow
+from meshconv3d.service.http.notes import Notes
+from meshconv3d.service.http.problems import full
+from meshconv3d.service.http.refusing import refusal_of
+from meshconv3d.service.settings import Settings
+from meshconv3d.service.workers import Job
 
 
 class Gate:

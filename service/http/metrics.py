@@ -15,9 +15,9 @@ from prometheus_client import (
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
 from prometheus_client.registry import Collector
 
-from service.http.admission import Admission
-from service.http.notes import Notes
-from service.workers import WorkerPool
+from meshconv3d.service.http.admission import Admission
+from meshconv3d.service.http.notes import Notes
+from meshconv3d.service.workers import WorkerPool
 
 # From a stage of a small mesh to a request at its deadline, in seconds.
 BUCKETS = (0.0005, 0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1, 2.5, 5, 10, 30, 60)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from starlette.datastructures import Headers
 from starlette.requests import Request
 
-from service.http.tracing import Trace
+from meshconv3d.service.http.tracing import Trace
 
 # Digits of a content's SHA-256 that are written down: enough to find the file again.
 HASH_DIGITS = 16

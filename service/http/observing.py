@@ -8,9 +8,9 @@ from starlette.datastructures import Headers
 from starlette.routing import BaseRoute, Match
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from service.http.headers import DATA_POLICY
-from service.http.metrics import Metrics
-from service.http.notes import Notes
+from meshconv3d.service.http.headers import DATA_POLICY
+from meshconv3d.service.http.metrics import Metrics
+from meshconv3d.service.http.notes import Notes
 
 log = logging.getLogger(__name__)
 

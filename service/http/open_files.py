@@ -2,8 +2,8 @@
 
 import resource
 
-from service.http.connections import CROWD
-from service.settings import Settings
+from meshconv3d.service.http.connections import CROWD
+from meshconv3d.service.settings import Settings
 
 # A connection, and the file of the page that is sent over it.
 FILES_OF_A_CONNECTION = 2

@@ -7,9 +7,9 @@ from fastapi.responses import FileResponse
 from starlette.staticfiles import StaticFiles
 from starlette.types import Message, Receive, Scope, Send
 
-from model.loading import FORMATS
-from model.samples import sample_paths
-from service.http.description import problems
+from meshconv3d.model.loading import FORMATS
+from meshconv3d.model.samples import sample_paths
+from meshconv3d.service.http.description import problems
 
 # Built from `page/`; every file in `assets` has a name that changes with its content.
 BUILT = Path(__file__).parents[1] / "page"

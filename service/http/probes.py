@@ -4,8 +4,8 @@ from fastapi import APIRouter, Request, Response
 from fastapi.responses import JSONResponse
 from prometheus_client.exposition import choose_encoder
 
-from service.http.description import problems
-from service.http.serving import Serving
+from meshconv3d.service.http.description import problems
+from meshconv3d.service.http.serving import Serving
 
 
 def probe_routes(serving: Serving) -> APIRouter:

@@ -10,13 +10,19 @@ from pydantic import BaseModel, Field
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
 
-from model.errors import LimitExceeded, MalformedFile, MeshError, UnknownFormat, UnusableMesh
-from service.evidence import NotExplained
-from service.http.admission import Full
-from service.http.errors import TooLarge, Unreadable, UploadTooSlow
-from service.http.notes import notes_of
-from service.records import Reason
-from service.workers import DeadlineExceeded
+from meshconv3d.model.errors import (
+    LimitExceeded,
+    MalformedFile,
+    MeshError,
+    UnknownFormat,
+    UnusableMesh,
+)
+from meshconv3d.service.evidence import NotExplained
+from meshconv3d.service.http.admission import Full
+from meshconv3d.service.http.errors import TooLarge, Unreadable, UploadTooSlow
+from meshconv3d.service.http.notes import notes_of
+from meshconv3d.service.records import Reason
+from meshconv3d.service.workers import DeadlineExceeded
 
 PROBLEM_JSON = "application/problem+json"
 

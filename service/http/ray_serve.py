@@ -11,10 +11,10 @@ os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
 from ray import serve
 from starlette.types import ASGIApp
 
-from service.http.app import create_app
-from service.http.behind import open_admission, start_workers
-from service.logs import configure_logs
-from service.settings import Settings
+from meshconv3d.service.http.app import create_app
+from meshconv3d.service.http.behind import open_admission, start_workers
+from meshconv3d.service.logs import configure_logs
+from meshconv3d.service.settings import Settings
 
 
 def application(settings: Settings) -> serve.Application:

@@ -3,10 +3,10 @@
 from starlette.requests import Request
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from service.http.admission import Full
-from service.http.errors import Unreadable
-from service.http.keys import OPEN_PATHS
-from service.http.problems import full, unreadable
+from meshconv3d.service.http.admission import Full
+from meshconv3d.service.http.errors import Unreadable
+from meshconv3d.service.http.keys import OPEN_PATHS
+from meshconv3d.service.http.problems import full, unreadable
 
 # Why a request is not taken, if it is not. Of a body that breaks on its way, it comes later.
 Refusal = Full | Unreadable

@@ -9,14 +9,14 @@ from types import FrameType
 
 import uvicorn
 
-from service.http.admission import Admission
-from service.http.app import create_app
-from service.http.behind import open_admission
-from service.http.connections import bounded_connection
-from service.http.headers import SECURITY_HEADERS
-from service.http.listening import address, listen
-from service.settings import Settings
-from service.workers import WorkerPool
+from meshconv3d.service.http.admission import Admission
+from meshconv3d.service.http.app import create_app
+from meshconv3d.service.http.behind import open_admission
+from meshconv3d.service.http.connections import bounded_connection
+from meshconv3d.service.http.headers import SECURITY_HEADERS
+from meshconv3d.service.http.listening import address, listen
+from meshconv3d.service.settings import Settings
+from meshconv3d.service.workers import WorkerPool
 
 log = logging.getLogger(__name__)
 

@@ -8,14 +8,14 @@ from typing import Any
 from fastapi import HTTPException, Request
 from starlette.requests import ClientDisconnect
 
-from service.http.admission import Admission, Full
-from service.http.gate import Visit
-from service.http.metrics import Metrics
-from service.http.notes import notes_of
-from service.http.problems import reason
-from service.http.waiting import result_of
-from service.settings import Settings
-from service.workers import Job, Record, Work, WorkerPool
+from meshconv3d.service.http.admission import Admission, Full
+from meshconv3d.service.http.gate import Visit
+from meshconv3d.service.http.metrics import Metrics
+from meshconv3d.service.http.notes import notes_of
+from meshconv3d.service.http.problems import reason
+from meshconv3d.service.http.waiting import result_of
+from meshconv3d.service.settings import Settings
+from meshconv3d.service.workers import Job, Record, Work, WorkerPool
 
 # A mesh's record, or why it has none.
 Outcome = Record | Exception

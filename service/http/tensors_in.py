@@ -7,8 +7,8 @@ from collections.abc import Iterator
 
 from pydantic import BaseModel, Field, ValidationError
 
-from model.errors import MalformedFile
-from service.http.errors import TooLarge, TooManyMeshes
+from meshconv3d.model.errors import MalformedFile
+from meshconv3d.service.http.errors import TooLarge, TooManyMeshes
 
 # Reading JSON keeps everyone waiting; meshes of this size and more come as binary data.
 MOST_JSON_BYTES = 4 * 1024 * 1024

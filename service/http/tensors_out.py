@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from service.http.tensors_in import LENGTH, InferenceRequest, RequestedOutput, malformed
+from meshconv3d.service.http.tensors_in import LENGTH, InferenceRequest, RequestedOutput, malformed
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,9 @@ from fastapi import Request
 from starlette.datastructures import FormData, UploadFile
 from starlette.formparsers import MultiPartException, MultiPartParser
 
-from model.errors import MalformedFile, UnknownFormat
-from model.loading import FORMATS
-from service.http.errors import TooManyMeshes
+from meshconv3d.model.errors import MalformedFile, UnknownFormat
+from meshconv3d.model.loading import FORMATS
+from meshconv3d.service.http.errors import TooManyMeshes
 
 MULTIPART = "multipart/form-data"
 # Types that say nothing of the format: the name, if any, and the content decide.

@@ -8,17 +8,17 @@ from fastapi.responses import StreamingResponse
 from starlette.requests import ClientDisconnect
 from starlette.types import Receive, Scope, Send
 
-from service.evidence import FORMS, explained_class
-from service.evidence.records import ExplainedAnswer
-from service.http.description import BINARY, FILE_BODY, FILES_BODY, WORK_ERRORS, problems
-from service.http.direct import Asked, AskedWhy, DirectRoute, described, read_query
-from service.http.negotiation import preferred
-from service.http.notes import notes_of
-from service.http.problems import reason
-from service.http.serving import Outcome, Serving
-from service.http.uploads import Upload, read_upload, read_uploads
-from service.records import Answer, Refusal
-from service.workers import Record, TaskFailed, Wanted, Work
+from meshconv3d.service.evidence import FORMS, explained_class
+from meshconv3d.service.evidence.records import ExplainedAnswer
+from meshconv3d.service.http.description import BINARY, FILE_BODY, FILES_BODY, WORK_ERRORS, problems
+from meshconv3d.service.http.direct import Asked, AskedWhy, DirectRoute, described, read_query
+from meshconv3d.service.http.negotiation import preferred
+from meshconv3d.service.http.notes import notes_of
+from meshconv3d.service.http.problems import reason
+from meshconv3d.service.http.serving import Outcome, Serving
+from meshconv3d.service.http.uploads import Upload, read_upload, read_uploads
+from meshconv3d.service.records import Answer, Refusal
+from meshconv3d.service.workers import Record, TaskFailed, Wanted, Work
 
 log = logging.getLogger(__name__)
 

@@ -12,20 +12,20 @@ import numpy as np
 from fastapi import APIRouter, Request, Response
 from fastapi.responses import JSONResponse
 
-from model.errors import MalformedFile, MeshError
-from model.loading import FORMATS
-from service.http.description import (
+from meshconv3d.model.errors import MalformedFile, MeshError
+from meshconv3d.model.loading import FORMATS
+from meshconv3d.service.http.description import (
     INFERENCE_REQUEST,
     WORK_ERRORS,
     InferenceAnswer,
     inference_errors,
 )
-from service.http.problems import STATUSES, problem
-from service.http.serving import Serving
-from service.http.tensors_in import JSON_LENGTH, read_request
-from service.http.tensors_out import Output, answer
-from service.http.uploads import read_body
-from service.workers import Record, Work
+from meshconv3d.service.http.problems import STATUSES, problem
+from meshconv3d.service.http.serving import Serving
+from meshconv3d.service.http.tensors_in import JSON_LENGTH, read_request
+from meshconv3d.service.http.tensors_out import Output, answer
+from meshconv3d.service.http.uploads import read_body
+from meshconv3d.service.workers import Record, Work
 
 INPUTS = ({"name": "mesh", "datatype": "BYTES"}, {"name": "name", "datatype": "BYTES"})
 

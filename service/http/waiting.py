@@ -5,9 +5,9 @@ import time
 
 from starlette.requests import ClientDisconnect, Request
 
-from service.http.admission import Full
-from service.http.gate import Visit
-from service.workers import DeadlineExceeded, Job, Record
+from meshconv3d.service.http.admission import Full
+from meshconv3d.service.http.gate import Visit
+from meshconv3d.service.workers import DeadlineExceeded, Job, Record
 
 # How often it is asked whether the client is still there, in seconds.
 POLL_SECONDS = 0.25

@@ -6,11 +6,11 @@ process; a `seat` keeps one at work with what waits in `jobs`, and replaces it. 
 of them, for an event loop; `threads` is the same for those who have none. None of it knows of HTTP.
 """
 
-from service.workers.jobs import Job
-from service.workers.pool import WorkerPool
-from service.workers.tasks import Record, Setup, TaskFailed, Wanted, Work, record_of
-from service.workers.threads import ThreadedPool
-from service.workers.worker import DeadlineExceeded, NotStarted
+from meshconv3d.service.workers.jobs import Job
+from meshconv3d.service.workers.pool import WorkerPool
+from meshconv3d.service.workers.tasks import Record, Setup, TaskFailed, Wanted, Work, record_of
+from meshconv3d.service.workers.threads import ThreadedPool
+from meshconv3d.service.workers.worker import DeadlineExceeded, NotStarted
 
 __all__ = [
     "DeadlineExceeded",

@@ -4,7 +4,7 @@ import asyncio
 import time
 from collections import deque
 
-from service.workers.tasks import Record, Work
+from meshconv3d.service.workers.tasks import Record, Work
 
 
 class Job:

@@ -6,12 +6,12 @@ import sys
 from pickle import UnpicklingError
 from types import TracebackType
 
-import service.workers.tasks  # noqa: F401 (that it is loaded is the point)
-from model.config import NetworkConfig
-from model.inputs import mesh_inputs
-from model.loading import load_mesh
-from model.preparation import prepare
-from model.samples import sample_paths
+import meshconv3d.service.workers.tasks  # noqa: F401 (that it is loaded is the point)
+from meshconv3d.model.config import NetworkConfig
+from meshconv3d.model.loading import load_mesh
+from meshconv3d.model.preparation import prepare
+from meshconv3d.model.samples import sample_paths
+from meshconv3d.model.topology.inputs import mesh_inputs
 
 # Who stops a service may signal all its processes at once, as a terminal does. This one and the
 # workers go on until the service has finished what it accepted: they end when it does.

@@ -4,11 +4,11 @@ import asyncio
 from concurrent.futures import Future
 from typing import Any
 
-from export.metadata import ModelFileError
-from service.workers.jobs import Job, Jobs
-from service.workers.seat import Seat
-from service.workers.tasks import Setup, Work
-from service.workers.worker import Worker, start_worker
+from meshconv3d.export.metadata import ModelFileError
+from meshconv3d.service.workers.jobs import Job, Jobs
+from meshconv3d.service.workers.seat import Seat
+from meshconv3d.service.workers.tasks import Setup, Work
+from meshconv3d.service.workers.worker import Worker, start_worker
 
 # How long to wait for seats that are told of the end, in seconds.
 CLOSE_SECONDS = 1.0

@@ -4,8 +4,8 @@ import socket
 from contextlib import suppress
 from ctypes import c_uint64
 
-from service.workers.frames import framed, read_frame
-from service.workers.tasks import Setup, classify, too_much_memory, warm_up
+from meshconv3d.service.workers.frames import framed, read_frame
+from meshconv3d.service.workers.tasks import Setup, classify, too_much_memory, warm_up
 
 # Under which number the first answer goes out; work is numbered from 1, as it comes.
 WARM_UP = 0

@@ -6,9 +6,15 @@ import logging
 import time
 from contextlib import suppress
 
-from service.workers.jobs import Job, Jobs
-from service.workers.tasks import Record, Setup, Work
-from service.workers.worker import DeadlineExceeded, NotStarted, Worker, crashed, start_worker
+from meshconv3d.service.workers.jobs import Job, Jobs
+from meshconv3d.service.workers.tasks import Record, Setup, Work
+from meshconv3d.service.workers.worker import (
+    DeadlineExceeded,
+    NotStarted,
+    Worker,
+    crashed,
+    start_worker,
+)
 
 log = logging.getLogger(__name__)
 

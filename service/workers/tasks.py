@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from model.errors import MeshError, UnusableMesh
-from model.loading import Limits
-from model.mesh import Mesh
-from service.classifier import Classification, Classifier
-from service.evidence import FORMS, explain
-from service.models import ModelFile
-from service.records import answer
-from service.workers.limits import limit_cpu, limit_memory
+from meshconv3d.model.errors import MeshError, UnusableMesh
+from meshconv3d.model.loading import Limits
+from meshconv3d.model.mesh import Mesh
+from meshconv3d.service.classifier import Classification, Classifier
+from meshconv3d.service.evidence import FORMS, explain
+from meshconv3d.service.models import ModelFile
+from meshconv3d.service.records import answer
+from meshconv3d.service.workers.limits import limit_cpu, limit_memory
 
 # Of text that goes from process to process.
 MOST_BYTES_PER_CHARACTER = 4
@@ -112,7 +112,7 @@ def warm_up(setup: Setup) -> list[dict[str, Any]]:
     for classifier in classifiers:
         classifier.self_test()
     if setup.pictured:
-        import service.picture  # noqa: F401  # before memory is limited
+        import meshconv3d.service.picture  # noqa: F401  # before memory is limited
     gc.freeze()  # the libraries' objects need not be gone through again and again
     limit_memory(setup.memory_bytes)
     _worker = _Worker(setup, {c.model.card.name: c for c in classifiers})
@@ -166,7 +166,7 @@ def _record(result: Classification, content: bytes, picture: bytes | None = None
 
 
 def _picture(mesh: Mesh) -> bytes:
-    from service.picture import picture
+    from meshconv3d.service.picture import picture
 
     return picture(mesh)
 

@@ -5,8 +5,8 @@ import threading
 from concurrent.futures import Future
 from typing import Any
 
-from service.workers.pool import WorkerPool
-from service.workers.tasks import Record, Setup, Work
+from meshconv3d.service.workers.pool import WorkerPool
+from meshconv3d.service.workers.tasks import Record, Setup, Work
 
 
 class ThreadedPool:

@@ -15,10 +15,10 @@ from multiprocessing import resource_tracker
 from multiprocessing.context import ForkServerContext
 from typing import Any
 
-from model.errors import UnusableMesh
-from service.workers.frames import LENGTH, framed, read_frame, value_of
-from service.workers.process import WARM_UP, run
-from service.workers.tasks import Record, Setup, Work
+from meshconv3d.model.errors import UnusableMesh
+from meshconv3d.service.workers.frames import LENGTH, framed, read_frame, value_of
+from meshconv3d.service.workers.process import WARM_UP, run
+from meshconv3d.service.workers.tasks import Record, Setup, Work
 
 # Compiling the kernels, where no compiled ones are at hand, takes ten seconds.
 WARM_UP_SECONDS = 300.0
@@ -203,7 +203,7 @@ def _context() -> ForkServerContext:
     for library in ("OMP", "OPENBLAS", "MKL"):
         os.environ.setdefault(f"{library}_NUM_THREADS", "1")
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["service.workers.origin"])
+    context.set_forkserver_preload(["meshconv3d.service.workers.origin"])
     return context
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from benchmarks import baselines
 from benchmarks.baseline_methods.points import Points
-from model.mesh import Mesh
+from meshconv3d.model.mesh import Mesh
 from tests.meshes import icosphere, sheet, torus
 
 

@@ -6,8 +6,8 @@ import pytest
 from benchmarks.baseline_methods.descriptors import Descriptors
 from benchmarks.baseline_methods.distributions import shape_distributions
 from benchmarks.baseline_methods.measures import shape_measures
-from model.augmentation import random_rotation
-from model.mesh import Mesh
+from meshconv3d.model.mesh import Mesh
+from meshconv3d.model.training.augmentation import random_rotation
 from tests.meshes import cube, icosphere, sheet, together, torus
 
 # No two moments alike: of equal ones even the smallest box may lie one way or another.

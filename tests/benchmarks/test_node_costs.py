@@ -5,8 +5,8 @@ import pytest
 from benchmarks.node_costs import cost, product_sides, profile_nodes
 from benchmarks.stages import Stages
 from benchmarks.workloads import sample
-from model.preparation import prepare
-from service.models import ModelFile
+from meshconv3d.model.preparation import prepare
+from meshconv3d.service.models import ModelFile
 
 
 def real(*shapes):

@@ -6,8 +6,8 @@ from torch import nn
 
 from benchmarks import plain_network
 from benchmarks.training_step import VARIANTS
-from model.inputs import collate, input_names, mesh_inputs
-from model.network import as_tensors
+from meshconv3d.model.nn.network import as_tensors
+from meshconv3d.model.topology.inputs import collate, input_names, mesh_inputs
 from tests.conftest import SMALL
 from tests.meshes import cube, icosphere, sheet, torus
 from tests.networks import untrained

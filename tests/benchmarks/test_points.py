@@ -10,8 +10,8 @@ from benchmarks.baseline_methods.data import Part
 from benchmarks.baseline_methods.point_network import PointNetwork
 from benchmarks.baseline_methods.points import Points
 from benchmarks.baseline_methods.surface_samples import sample_surface
-from model.augmentation import random_rotation
-from model.mesh import Mesh
+from meshconv3d.model.mesh import Mesh
+from meshconv3d.model.training.augmentation import random_rotation
 from tests.meshes import cube, icosphere, sheet, torus
 
 SHORT = Points(epochs=25, batch_size=4, learning_rate=1e-2)

@@ -5,8 +5,8 @@ import pytest
 
 from benchmarks.baseline_methods.data import Part
 from benchmarks.baseline_methods.spectrum import Spectrum, eigenvalues, log_spectrum
-from model.augmentation import random_rotation
-from model.mesh import Mesh
+from meshconv3d.model.mesh import Mesh
+from meshconv3d.model.training.augmentation import random_rotation
 from tests.meshes import cube, icosphere, sheet, together, torus
 
 

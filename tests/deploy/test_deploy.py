@@ -9,12 +9,12 @@ import yaml
 from compose_pydantic import ComposeSpecification
 from starlette.routing import Route
 
-from model.loading import Limits
-from service.http.admission import Admission
-from service.http.app import create_app
-from service.http.observing import Observed
-from service.settings import Settings
-from service.workers import Setup, WorkerPool
+from meshconv3d.model.loading import Limits
+from meshconv3d.service.http.admission import Admission
+from meshconv3d.service.http.app import create_app
+from meshconv3d.service.http.observing import Observed
+from meshconv3d.service.settings import Settings
+from meshconv3d.service.workers import Setup, WorkerPool
 
 ROOT = Path(__file__).parents[2]
 DEPLOY = ROOT / "deploy"

@@ -9,14 +9,14 @@ import kubernetes_validate
 import pytest
 import yaml
 
-from service.cli.classify import classify
-from service.settings import Settings
+from meshconv3d.service.cli.classify import classify
+from meshconv3d.service.settings import Settings
 
 pytest.importorskip("ray", reason="needs the extra `ray`")
 
 from ray.serve.schema import ServeApplicationSchema, ServeDeploySchema
 
-from service.http.ray_serve import application
+from meshconv3d.service.http.ray_serve import application
 
 DEPLOY = Path(__file__).parents[2] / "deploy"
 # The fields of KubeRay's definitions that are used here.
@@ -158,7 +158,7 @@ def test_a_node_of_the_service_has_room_for_one_replica() -> None:
 
 
 def test_a_node_of_the_job_has_room_for_its_workers(monkeypatch: pytest.MonkeyPatch) -> None:
-    from service.batch.engines import HELD_BYTES
+    from meshconv3d.service.batch.engines import HELD_BYTES
 
     (workers,) = cluster_of("rayjob.yaml")["workerGroupSpecs"]
     (container,) = workers["template"]["spec"]["containers"]

@@ -8,11 +8,11 @@ import onnx
 import pytest
 from click.testing import CliRunner, Result
 
-from export.metadata import PREFIX
-from model.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
-from model.config import NetworkConfig
-from model.samples import sample_paths
-from service.cli.main import commands
+from meshconv3d.export.metadata import PREFIX
+from meshconv3d.model.config import NetworkConfig
+from meshconv3d.model.nn.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
+from meshconv3d.model.samples import sample_paths
+from meshconv3d.service.cli.main import commands
 from tests.networks import untrained
 
 

@@ -8,14 +8,14 @@ import onnx
 import pytest
 import torch
 
-from export.onnx_file import export_model
-from export.parity import OUTPUTS, TOLERANCE
-from export.runtime import open_session
-from model.checkpoint import Checkpoint
-from model.config import NetworkConfig
-from model.inputs import MeshInputs, collate, mesh_inputs
-from model.mesh import Mesh
-from model.network import Network, as_tensors
+from meshconv3d.export.onnx_file import export_model
+from meshconv3d.export.parity import OUTPUTS, TOLERANCE
+from meshconv3d.export.runtime import open_session
+from meshconv3d.model.config import NetworkConfig
+from meshconv3d.model.mesh import Mesh
+from meshconv3d.model.nn.checkpoint import Checkpoint
+from meshconv3d.model.nn.network import Network, as_tensors
+from meshconv3d.model.topology.inputs import MeshInputs, collate, mesh_inputs
 from tests.meshes import cube, icosphere, moebius, sheet, together, torus
 from tests.networks import untrained
 

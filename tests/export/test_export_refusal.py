@@ -7,12 +7,11 @@ import onnx
 import pytest
 from click.testing import CliRunner
 
-import export.onnx_file
-from export.onnx_file import export_model, trace_graph
-from export.parity import TOLERANCE, ParityError, check_parity
-from model.checkpoint import load_checkpoint
-from model.inputs import MeshInputs, mesh_inputs
-from service.cli.main import commands
+from meshconv3d.export.onnx_file import export_model, trace_graph
+from meshconv3d.export.parity import TOLERANCE, ParityError, check_parity
+from meshconv3d.model.nn.checkpoint import load_checkpoint
+from meshconv3d.model.topology.inputs import MeshInputs, mesh_inputs
+from meshconv3d.service.cli.main import commands
 from tests.meshes import sheet, torus
 
 
@@ -32,7 +31,7 @@ def nudge(graph: onnx.ModelProto, share: float) -> onnx.ModelProto:
 def wrong_graph(monkeypatch: pytest.MonkeyPatch) -> None:
     """Exports come out 1 % off."""
     monkeypatch.setattr(
-        export.onnx_file, "trace_graph", lambda *given: nudge(trace_graph(*given), 0.01)
+        "meshconv3d.export.onnx_file.trace_graph", lambda *given: nudge(trace_graph(*given), 0.01)
     )
 
 

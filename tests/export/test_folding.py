@@ -4,10 +4,10 @@ import pytest
 import torch
 from torch import nn
 
-from export.graph import fold_batch_norm
-from model.config import NetworkConfig
-from model.inputs import collate, mesh_inputs
-from model.network import Outputs, as_tensors
+from meshconv3d.export.graph import fold_batch_norm
+from meshconv3d.model.config import NetworkConfig
+from meshconv3d.model.nn.network import Outputs, as_tensors
+from meshconv3d.model.topology.inputs import collate, mesh_inputs
 from tests.meshes import sheet, torus
 from tests.networks import untrained
 

@@ -6,12 +6,12 @@ from pathlib import Path
 import onnx
 import pytest
 
-from export.metadata import PREFIX
-from export.onnx_file import OPSET, export_model
-from export.operators import DOMAIN, VERSION
-from model.checkpoint import Checkpoint
-from model.config import NetworkConfig
-from model.inputs import input_names, mesh_inputs
+from meshconv3d.export.metadata import PREFIX
+from meshconv3d.export.onnx_file import OPSET, export_model
+from meshconv3d.export.operators import DOMAIN, VERSION
+from meshconv3d.model.config import NetworkConfig
+from meshconv3d.model.nn.checkpoint import Checkpoint
+from meshconv3d.model.topology.inputs import input_names, mesh_inputs
 from tests.meshes import sheet, torus
 from tests.networks import untrained
 

@@ -4,9 +4,16 @@ import json
 
 import pytest
 
-from export.metadata import FORMAT_VERSION, PREFIX, ModelCard, ModelFileError, Probe, read_card
-from model.calibration import Calibration
-from model.config import NetworkConfig
+from meshconv3d.export.metadata import (
+    FORMAT_VERSION,
+    PREFIX,
+    ModelCard,
+    ModelFileError,
+    Probe,
+    read_card,
+)
+from meshconv3d.model.calibration import Calibration
+from meshconv3d.model.config import NetworkConfig
 
 CARD = ModelCard(
     name='quoted "name", 名',

@@ -8,8 +8,8 @@ from pathlib import Path
 import onnx
 import pytest
 
-from export.metadata import FORMAT_VERSION, PREFIX, ModelFileError
-from service.models import open_model
+from meshconv3d.export.metadata import FORMAT_VERSION, PREFIX, ModelFileError
+from meshconv3d.service.models import open_model
 
 Change = Callable[[onnx.ModelProto], None]
 

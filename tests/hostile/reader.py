@@ -5,8 +5,8 @@ import sys
 from contextlib import suppress
 from multiprocessing.connection import Connection
 
-from model.errors import MeshError
-from model.loading import load_mesh
+from meshconv3d.model.errors import MeshError
+from meshconv3d.model.loading import load_mesh
 from tests.hostile import HOSTILE
 
 MEMORY = 400 * 2**20  # bytes that reading may take on top of what the process has

@@ -3,7 +3,13 @@
 import numpy as np
 import pytest
 
-from model.calibration import KNOWN_REFUSED, Calibration, calibrate, fit_temperature, softmax
+from meshconv3d.model.calibration import (
+    KNOWN_REFUSED,
+    Calibration,
+    calibrate,
+    fit_temperature,
+    softmax,
+)
 
 
 def draw(scores: np.ndarray, rng: np.random.Generator) -> np.ndarray:

@@ -3,8 +3,8 @@
 import pytest
 from click.testing import CliRunner
 
-from model.config import PRESETS, NetworkConfig, preset
-from service.cli.main import commands
+from meshconv3d.model.config import PRESETS, NetworkConfig, preset
+from meshconv3d.service.cli.main import commands
 
 
 @pytest.mark.parametrize(

@@ -5,8 +5,8 @@ import pickle
 import numpy as np
 import pytest
 
-from model.errors import UnusableMesh
-from model.mesh import Mesh
+from meshconv3d.model.errors import UnusableMesh
+from meshconv3d.model.mesh import Mesh
 from tests.meshes import cube
 
 CORNERS = np.eye(3)

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from model import metrics
-from model.metrics import Predictions
+from meshconv3d.model import metrics
+from meshconv3d.model.metrics import Predictions
 
 
 def predictions(labels, probabilities, refused=None) -> Predictions:

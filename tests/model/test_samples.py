@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from model.loading import load_mesh
-from model.preparation import prepare, surface_area
-from model.samples import sample_paths
-from model.samples.make import RECIPES, build, encode
+from meshconv3d.model.loading import load_mesh
+from meshconv3d.model.preparation import prepare, surface_area
+from meshconv3d.model.samples import sample_paths
+from meshconv3d.model.samples.make import RECIPES, build, encode
 
 EACH = pytest.mark.parametrize("name", sample_paths())
 

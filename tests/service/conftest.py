@@ -11,7 +11,7 @@ from pathlib import Path
 import httpx
 import pytest
 
-from model.mesh import Mesh
+from meshconv3d.model.mesh import Mesh
 from tests.commands import PROGRAM, environment
 from tests.meshes import cube, sheet, torus
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from service.http.admission import Admission, Full
+from meshconv3d.service.http.admission import Admission, Full
 
 
 class Clock:

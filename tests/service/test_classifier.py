@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from export.metadata import Probe
-from model.errors import MeshError
-from model.loading import load_mesh
-from model.samples import sample_paths
-from service.classifier import Classifier, SelfTestError
-from service.models import Model
+from meshconv3d.export.metadata import Probe
+from meshconv3d.model.errors import MeshError
+from meshconv3d.model.loading import load_mesh
+from meshconv3d.model.samples import sample_paths
+from meshconv3d.service.classifier import Classifier, SelfTestError
+from meshconv3d.service.models import Model
 
 
 @pytest.fixture(scope="module")

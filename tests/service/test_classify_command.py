@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from model.samples import sample_paths
+from meshconv3d.model.samples import sample_paths
 from tests.commands import PROGRAM, environment, meshconv3d
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from model.samples import sample_paths
+from meshconv3d.model.samples import sample_paths
 from tests.commands import WIDTH, at_a_terminal, environment, meshconv3d
 
 LABELS = {"two_balls": "ball", "ants": "ball", "laptop": "box", "lamp": "box", "snake": "ring"}
@@ -22,7 +22,7 @@ def without_drawing(*arguments: object) -> subprocess.CompletedProcess[str]:
     program = """
 import sys
 sys.modules["matplotlib"] = None
-from service.cli.main import main
+from meshconv3d.service.cli.main import main
 main()
 """
     command = [sys.executable, "-c", program, *map(str, arguments)]

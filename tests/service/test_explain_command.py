@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from model.loading import load_mesh
+from meshconv3d.model.loading import load_mesh
 from tests.commands import meshconv3d
 
 

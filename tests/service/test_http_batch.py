@@ -14,13 +14,13 @@ import numpy as np
 import pytest
 from starlette.requests import Request
 
-from model.errors import UnusableMesh
-from model.loading import Limits
-from model.samples import sample_paths
-from service.http.admission import Admission
-from service.http.app import create_app
-from service.settings import Settings
-from service.workers import Job, Record, Setup, Work, WorkerPool
+from meshconv3d.model.errors import UnusableMesh
+from meshconv3d.model.loading import Limits
+from meshconv3d.model.samples import sample_paths
+from meshconv3d.service.http.admission import Admission
+from meshconv3d.service.http.app import create_app
+from meshconv3d.service.settings import Settings
+from meshconv3d.service.workers import Job, Record, Setup, Work, WorkerPool
 from tests.processes import held, until, workers
 from tests.service.conftest import Service
 from tests.service.metrics import queue, value
@@ -197,7 +197,7 @@ def test_errors_of_a_batch_keep_nothing_of_it() -> None:
 
 @pytest.mark.parametrize("running", [False, True])
 def test_who_leaves_midway_is_told_apart(caplog: pytest.LogCaptureFixture, running: bool) -> None:
-    caplog.set_level("INFO", "service.http.observing")
+    caplog.set_level("INFO", "meshconv3d.service.http.observing")
 
     async def play() -> None:
         played = Played()

@@ -7,8 +7,8 @@ from pathlib import Path
 import httpx
 import pytest
 
-from model.loading import FORMATS
-from model.samples import sample_paths
+from meshconv3d.model.loading import FORMATS
+from meshconv3d.model.samples import sample_paths
 from tests.commands import meshconv3d
 
 

@@ -10,7 +10,7 @@ from contextlib import ExitStack
 import httpx
 import pytest
 
-from service.http.connections import CROWD, MOST_HEAD_BYTES
+from meshconv3d.service.http.connections import CROWD, MOST_HEAD_BYTES
 from tests.processes import until
 from tests.service.conftest import Service
 from tests.service.metrics import metrics

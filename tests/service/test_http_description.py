@@ -5,7 +5,7 @@ from pathlib import Path
 
 import httpx
 
-from model.loading import FORMATS
+from meshconv3d.model.loading import FORMATS
 from tests.commands import meshconv3d
 
 

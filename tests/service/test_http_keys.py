@@ -8,7 +8,7 @@ from pathlib import Path
 import httpx
 import pytest
 
-from service.http.keys import OPEN_PATHS
+from meshconv3d.service.http.keys import OPEN_PATHS
 from tests.commands import meshconv3d
 from tests.service.conftest import Service
 from tests.service.test_http_problems import problem_of

@@ -8,12 +8,12 @@ from collections.abc import Callable
 import httpx
 import pytest
 
-from model.loading import Limits
-from model.samples import sample_paths
-from service.http.admission import Admission
-from service.http.metrics import Metrics
-from service.workers import WorkerPool
-from service.workers.tasks import Setup
+from meshconv3d.model.loading import Limits
+from meshconv3d.model.samples import sample_paths
+from meshconv3d.service.http.admission import Admission
+from meshconv3d.service.http.metrics import Metrics
+from meshconv3d.service.workers import WorkerPool
+from meshconv3d.service.workers.tasks import Setup
 from tests.processes import until, workers
 from tests.service.conftest import Service
 from tests.service.metrics import metrics, value

@@ -7,8 +7,8 @@ from pathlib import Path
 import httpx
 import pytest
 
-from model.loading import Limits, load_mesh
-from model.samples import sample_paths
+from meshconv3d.model.loading import Limits, load_mesh
+from meshconv3d.model.samples import sample_paths
 from tests.service.conftest import LIMIT
 
 BUILT = Path(__file__).parents[2] / "service" / "page"

@@ -8,12 +8,12 @@ import anyio
 import httpx
 import pytest
 
-from model.loading import Limits
-from service.http.admission import Admission
-from service.http.app import create_app
-from service.settings import Settings
-from service.workers import Job, Setup, Work, WorkerPool
-from service.workers.tasks import TaskFailed
+from meshconv3d.model.loading import Limits
+from meshconv3d.service.http.admission import Admission
+from meshconv3d.service.http.app import create_app
+from meshconv3d.service.settings import Settings
+from meshconv3d.service.workers import Job, Setup, Work, WorkerPool
+from meshconv3d.service.workers.tasks import TaskFailed
 from tests.service.conftest import LIMIT, Service
 
 STL = {"content-type": "model/stl"}

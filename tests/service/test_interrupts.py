@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from service.cli import main
+from meshconv3d.service.cli import main
 from tests.commands import interruptible
 from tests.processes import children, until, workers
 

@@ -6,8 +6,8 @@ from functools import wraps
 
 import anyio
 
-from service.workers.jobs import Job, Jobs
-from service.workers.tasks import Work
+from meshconv3d.service.workers.jobs import Job, Jobs
+from meshconv3d.service.workers.tasks import Work
 
 
 def in_a_loop(test: Callable[[], Awaitable[None]]) -> Callable[[], None]:

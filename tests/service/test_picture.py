@@ -7,11 +7,11 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from model.loading import load_mesh
-from model.mesh import Mesh
-from model.preparation import prepare
-from model.samples import sample_paths
-from service.picture import SIZE, picture
+from meshconv3d.model.loading import load_mesh
+from meshconv3d.model.mesh import Mesh
+from meshconv3d.model.preparation import prepare
+from meshconv3d.model.samples import sample_paths
+from meshconv3d.service.picture import SIZE, picture
 from tests.meshes import icosphere, sheet, torus
 
 

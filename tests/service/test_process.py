@@ -5,9 +5,9 @@ from ctypes import c_uint64
 
 import pytest
 
-from model.loading import Limits
-from service.workers import Setup, Work, process
-from service.workers.frames import framed
+from meshconv3d.model.loading import Limits
+from meshconv3d.service.workers import Setup, Work, process
+from meshconv3d.service.workers.frames import framed
 
 SETUP = Setup((), Limits(), memory_bytes=0, seconds=30.0)
 

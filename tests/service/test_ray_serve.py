@@ -7,15 +7,15 @@ from pathlib import Path
 import httpx
 import pytest
 
-from model.samples import sample_paths
-from service.settings import Settings
+from meshconv3d.model.samples import sample_paths
+from meshconv3d.service.settings import Settings
 
 pytest.importorskip("ray", reason="needs the extra `ray`")
 
 import ray
 from ray import serve
 
-from service.http.ray_serve import application
+from meshconv3d.service.http.ray_serve import application
 
 ROOT = Path(__file__).parents[2]
 LIMIT = 400_000

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from model.errors import UnusableMesh
-from model.samples import sample_paths
-from service.classifier import Classification, Classifier
-from service.records import answer, refusal
+from meshconv3d.model.errors import UnusableMesh
+from meshconv3d.model.samples import sample_paths
+from meshconv3d.service.classifier import Classification, Classifier
+from meshconv3d.service.records import answer, refusal
 
 
 @pytest.fixture(scope="module")

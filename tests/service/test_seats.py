@@ -7,11 +7,11 @@ from typing import cast
 import numpy as np
 import pytest
 
-from model.loading import Limits
-from service.workers import DeadlineExceeded, Record, Setup, Work
-from service.workers.jobs import Job, Jobs
-from service.workers.seat import Seat
-from service.workers.worker import Worker
+from meshconv3d.model.loading import Limits
+from meshconv3d.service.workers import DeadlineExceeded, Record, Setup, Work
+from meshconv3d.service.workers.jobs import Job, Jobs
+from meshconv3d.service.workers.seat import Seat
+from meshconv3d.service.workers.worker import Worker
 from tests.service.test_jobs import in_a_loop
 
 SETUP = Setup((), Limits(), memory_bytes=0, seconds=30.0)

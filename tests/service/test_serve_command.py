@@ -18,9 +18,9 @@ import httpx
 import onnx
 import pytest
 
-from export.metadata import PREFIX
-from service.http.listening import CannotListen, listen
-from service.settings import Settings
+from meshconv3d.export.metadata import PREFIX
+from meshconv3d.service.http.listening import CannotListen, listen
+from meshconv3d.service.settings import Settings
 from tests.commands import PROGRAM, meshconv3d
 from tests.processes import family, held, until, workers
 from tests.service.conftest import Service

@@ -5,10 +5,10 @@ from pathlib import Path
 import pytest
 
 from benchmarks.shapes import make_shapes
-from model.datasets import find_samples
-from model.samples import sample_paths
-from service.classifier import Classification, Classifier
-from service.models import DEFAULT_MODEL, shipped_models
+from meshconv3d.model.samples import sample_paths
+from meshconv3d.model.training.datasets import find_samples
+from meshconv3d.service.classifier import Classification, Classifier
+from meshconv3d.service.models import DEFAULT_MODEL, shipped_models
 
 
 @pytest.fixture(scope="module")

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from model.errors import MalformedFile
-from service.http.errors import TooLarge
-from service.http.tensors_in import MOST_JSON_BYTES, InferenceRequest, read_request
-from service.http.tensors_out import Output, answer
+from meshconv3d.model.errors import MalformedFile
+from meshconv3d.service.http.errors import TooLarge
+from meshconv3d.service.http.tensors_in import MOST_JSON_BYTES, InferenceRequest, read_request
+from meshconv3d.service.http.tensors_out import Output, answer
 
 
 @given(st.lists(st.binary(max_size=20), min_size=1, max_size=5))

@@ -9,10 +9,10 @@ import httpx
 import numpy as np
 import pytest
 
-from model.calibration import Calibration, softmax
-from model.checkpoint import load_checkpoint, save_checkpoint
-from model.samples import sample_paths
-from service.classifier import Classifier
+from meshconv3d.model.calibration import Calibration, softmax
+from meshconv3d.model.nn.checkpoint import load_checkpoint, save_checkpoint
+from meshconv3d.model.samples import sample_paths
+from meshconv3d.service.classifier import Classifier
 from tests.commands import at_a_terminal, meshconv3d
 
 SAMPLE = sample_paths()["ants"]

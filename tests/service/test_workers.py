@@ -18,13 +18,13 @@ from pathlib import Path
 
 import pytest
 
-from export.metadata import ModelFileError
-from model.errors import LimitExceeded, MalformedFile, UnusableMesh
-from model.loading import Limits
-from service.classifier import Classifier
-from service.models import ModelFile
-from service.records import answer
-from service.workers import (
+from meshconv3d.export.metadata import ModelFileError
+from meshconv3d.model.errors import LimitExceeded, MalformedFile, UnusableMesh
+from meshconv3d.model.loading import Limits
+from meshconv3d.service.classifier import Classifier
+from meshconv3d.service.models import ModelFile
+from meshconv3d.service.records import answer
+from meshconv3d.service.workers import (
     DeadlineExceeded,
     NotStarted,
     Record,

@@ -5,7 +5,7 @@ import itertools
 from collections import defaultdict
 from dataclasses import dataclass
 
-from service.records import Answer
+from meshconv3d.service.records import Answer
 
 
 @dataclass(frozen=True)

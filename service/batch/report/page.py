@@ -8,9 +8,9 @@ from pathlib import Path
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
-from service.batch.journals import errors_naming
-from service.batch.report.collecting import BINS, Report
-from service.batch.report.gallery import Shown
+from meshconv3d.service.batch.journals import errors_naming
+from meshconv3d.service.batch.report.collecting import BINS, Report
+from meshconv3d.service.batch.report.gallery import Shown
 
 TEMPLATES = Path(__file__).parent
 

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from model.loading import walk_meshes
+from meshconv3d.model.loading import walk_meshes
 
 
 def test_links_that_lead_nowhere_are_found_and_those_to_folders_are_not(tmp_path: Path) -> None:

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from model.errors import MeshError
-from model.loading import Limits, load_mesh
-from model.mesh import Mesh
+from meshconv3d.model.errors import MeshError
+from meshconv3d.model.loading import Limits, load_mesh
+from meshconv3d.model.mesh import Mesh
 from tests.hostile.mutations import SEEDS, mutations
 
 LIMITS = Limits(vertices=500, faces=500, geometries=50, values=500)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from model.errors import MeshError
+from meshconv3d.model.errors import MeshError
 from tests.hostile import HOSTILE
 from tests.hostile.reader import serve
 

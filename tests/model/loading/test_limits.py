@@ -4,8 +4,8 @@ import loading_builders as build
 import numpy as np
 import pytest
 
-from model.errors import LimitExceeded
-from model.loading import Limits, load_mesh
+from meshconv3d.model.errors import LimitExceeded
+from meshconv3d.model.loading import Limits, load_mesh
 
 SPELLINGS = pytest.mark.parametrize(
     ("extension", "data"), build.SPELLINGS.values(), ids=build.SPELLINGS.keys()

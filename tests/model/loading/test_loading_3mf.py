@@ -5,8 +5,8 @@ import re
 import loading_builders as build
 import pytest
 
-from model.errors import MalformedFile, MeshError
-from model.loading import load_mesh
+from meshconv3d.model.errors import MalformedFile, MeshError
+from meshconv3d.model.loading import load_mesh
 
 ROOT = "3D/3dmodel.model"
 

@@ -5,7 +5,7 @@ from io import BytesIO
 import numpy as np
 import pytest
 
-from model.loading import load_mesh
+from meshconv3d.model.loading import load_mesh
 
 trimesh = pytest.importorskip("trimesh")
 

@@ -8,8 +8,8 @@ import loading_builders as build
 import numpy as np
 import pytest
 
-from model.errors import MalformedFile, MeshError
-from model.loading import load_mesh
+from meshconv3d.model.errors import MalformedFile, MeshError
+from meshconv3d.model.loading import load_mesh
 
 EVENTS: list[tuple[str, object]] = []
 WATCHED = ("open", "socket.connect", "socket.getaddrinfo", "urllib.Request", "subprocess.Popen")

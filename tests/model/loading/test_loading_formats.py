@@ -11,8 +11,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from model.errors import MalformedFile, MeshError, UnknownFormat, UnusableMesh
-from model.loading import FORMATS, detect_format, load_mesh
+from meshconv3d.model.errors import MalformedFile, MeshError, UnknownFormat, UnusableMesh
+from meshconv3d.model.loading import FORMATS, detect_format, load_mesh
 
 SPELLINGS = pytest.mark.parametrize(
     ("extension", "data"), build.SPELLINGS.values(), ids=build.SPELLINGS.keys()

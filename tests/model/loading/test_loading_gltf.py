@@ -6,8 +6,8 @@ import loading_builders as build
 import numpy as np
 import pytest
 
-from model.errors import MalformedFile, MeshError, UnusableMesh
-from model.loading import load_mesh
+from meshconv3d.model.errors import MalformedFile, MeshError, UnusableMesh
+from meshconv3d.model.loading import load_mesh
 
 HALF = [0, 0, 0.7071067811865476, 0.7071067811865476]  # a quarter turn around z
 

@@ -6,8 +6,8 @@ import loading_builders as build
 import numpy as np
 import pytest
 
-from model.errors import MalformedFile
-from model.loading import load_mesh
+from meshconv3d.model.errors import MalformedFile
+from meshconv3d.model.loading import load_mesh
 
 MIXED = [tuple(build.QUADS[0]), *map(tuple, build.FACES[[1, 7]]), *map(tuple, build.QUADS[2:])]
 

@@ -4,8 +4,8 @@ import loading_builders as build
 import numpy as np
 import pytest
 
-from model.errors import MalformedFile, UnknownFormat, UnusableMesh
-from model.loading import load_mesh
+from meshconv3d.model.errors import MalformedFile, UnknownFormat, UnusableMesh
+from meshconv3d.model.loading import load_mesh
 
 TEXTS = pytest.mark.parametrize(
     ("extension", "data"),

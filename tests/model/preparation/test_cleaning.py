@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from model.errors import UnusableMesh
-from model.mesh import Mesh
-from model.preparation.cleaning import GRID_SHIFT, GRID_STEPS, clean, count_components
+from meshconv3d.model.errors import UnusableMesh
+from meshconv3d.model.mesh import Mesh
+from meshconv3d.model.preparation.cleaning import GRID_SHIFT, GRID_STEPS, clean, count_components
 from tests.meshes import (
     cube,
     icosphere,

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from model.mesh import Mesh
-from model.preparation import prepare, prepare_placed, surface_area
-from model.preparation.cleaning import clean
-from model.preparation.coarsening import MOST_FACES, ROOM, coarsen
-from model.topology.halfedges import find_twins
+from meshconv3d.model.mesh import Mesh
+from meshconv3d.model.preparation import prepare, prepare_placed, surface_area
+from meshconv3d.model.preparation.cleaning import clean
+from meshconv3d.model.preparation.coarsening import MOST_FACES, ROOM, coarsen
+from meshconv3d.model.topology.halfedges import find_twins
 from tests.meshes import sheet, together, torus
 
 BUDGET = 500

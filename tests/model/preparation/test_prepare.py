@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from model.errors import UnusableMesh
-from model.mesh import Mesh
-from model.preparation import into_unit_sphere, prepare, surface_area
-from model.topology.halfedges import find_twins
+from meshconv3d.model.errors import UnusableMesh
+from meshconv3d.model.mesh import Mesh
+from meshconv3d.model.preparation import into_unit_sphere, prepare, surface_area
+from meshconv3d.model.topology.halfedges import find_twins
 from tests.meshes import (
     cube,
     icosphere,

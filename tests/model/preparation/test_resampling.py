@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from model.preparation import surface_area
-from model.preparation.cleaning import clean
-from model.preparation.resampling import decimate, subdivide
-from model.topology.halfedges import find_twins
+from meshconv3d.model.preparation import surface_area
+from meshconv3d.model.preparation.cleaning import clean
+from meshconv3d.model.preparation.resampling import decimate, subdivide
+from meshconv3d.model.topology.halfedges import find_twins
 from tests.meshes import cube, icosphere, sheet, together, torus
 from tests.surfaces import MANIFOLD, triangles
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from model.topology.halfedges import edge_lengths, find_twins, sort_adjacency
+from meshconv3d.model.topology.halfedges import edge_lengths, find_twins, sort_adjacency
 from tests.surfaces import MANIFOLD, triangles
 
 

@@ -5,13 +5,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from model.descriptors import pooling_features
-from model.loading import load_mesh
-from model.mesh import Mesh
-from model.preparation import prepare
-from model.topology import build_topology
-from model.topology.pooling import SLACK, gather_mean
-from model.topology.surface import Surface
+from meshconv3d.model.loading import load_mesh
+from meshconv3d.model.mesh import Mesh
+from meshconv3d.model.preparation import prepare
+from meshconv3d.model.topology import build_topology
+from meshconv3d.model.topology.descriptors import pooling_features
+from meshconv3d.model.topology.pooling import SLACK, gather_mean
+from meshconv3d.model.topology.surface import Surface
 from tests.meshes import torus
 from tests.surfaces import closed_surface, triangles
 

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from model.topology.halfedges import sort_adjacency
-from model.topology.patches import grow_patches
-from model.topology.surface import Surface
+from meshconv3d.model.topology.halfedges import sort_adjacency
+from meshconv3d.model.topology.patches import grow_patches
+from meshconv3d.model.topology.surface import Surface
 from tests.meshes import cube, torus
 from tests.surfaces import triangles
 

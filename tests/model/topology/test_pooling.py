@@ -6,8 +6,8 @@ import numpy as np
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from model.topology.halfedges import find_twins
-from model.topology.pooling import SLACK, pool_faces
+from meshconv3d.model.topology.halfedges import find_twins
+from meshconv3d.model.topology.pooling import SLACK, pool_faces
 from tests.meshes import sheet
 from tests.surfaces import triangles
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from model.topology.operators import grow_patches, pool_faces
-from model.topology.ragged import SurfaceBatch, join_indices
-from model.topology.surface import PAPER, Reading, Surface
+from meshconv3d.model.topology.operators import grow_patches, pool_faces
+from meshconv3d.model.topology.ragged import SurfaceBatch, join_indices
+from meshconv3d.model.topology.surface import PAPER, Reading, Surface
 from tests.meshes import cube, icosphere, sheet, torus
 
 SURFACES = [Surface.of(mesh) for mesh in (torus(12, 6), sheet(), cube(), icosphere(2))]

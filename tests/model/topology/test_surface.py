@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from model.mesh import Mesh
-from model.topology import build_topology
-from model.topology.pooling import gather_mean
-from model.topology.surface import Surface
+from meshconv3d.model.mesh import Mesh
+from meshconv3d.model.topology import build_topology
+from meshconv3d.model.topology.pooling import gather_mean
+from meshconv3d.model.topology.surface import Surface
 from tests.meshes import torus
 from tests.surfaces import MANIFOLD, triangles
 

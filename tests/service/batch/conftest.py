@@ -7,9 +7,9 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from service.batch.classifying import Outcome
-from service.batch.local import LocalFile
-from service.records import Reason, Refusal
+from meshconv3d.service.batch.classifying import Outcome
+from meshconv3d.service.batch.local import LocalFile
+from meshconv3d.service.records import Reason, Refusal
 
 
 @pytest.fixture

@@ -1,7 +1,7 @@
 """Records of a batch that never ran."""
 
-from model.preparation import MeshReport
-from service.records import Answer, ClassScore, ModelId, Reason, Refusal
+from meshconv3d.model.preparation import MeshReport
+from meshconv3d.service.records import Answer, ClassScore, ModelId, Reason, Refusal
 
 MODEL = ModelId(name="toys", sha256="0123456789abcdef" * 4)
 

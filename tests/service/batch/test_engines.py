@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from model.loading import Limits
-from service.batch.classifying import Options, Outcome
-from service.batch.engines import Engine, Here, Workers
-from service.batch.listing import Listing
-from service.classifier import Classifier
-from service.models import ModelFile
-from service.workers import Setup, ThreadedPool, Work, record_of
+from meshconv3d.model.loading import Limits
+from meshconv3d.service.batch.classifying import Options, Outcome
+from meshconv3d.service.batch.engines import Engine, Here, Workers
+from meshconv3d.service.batch.listing import Listing
+from meshconv3d.service.classifier import Classifier
+from meshconv3d.service.models import ModelFile
+from meshconv3d.service.workers import Setup, ThreadedPool, Work, record_of
 from tests.processes import held, until
 from tests.processes import workers as workers_of
 

@@ -12,8 +12,8 @@ from threading import Thread
 import fsspec
 import pytest
 
-from service.batch.listing import Choice, Listing, NotListed
-from service.batch.sharding import Shard
+from meshconv3d.service.batch.listing import Choice, Listing, NotListed
+from meshconv3d.service.batch.sharding import Shard
 
 NAMES = ["a.obj", "a/b.STL", "a/b/c.ply", "a/d.obj", "a-b.obj", "b/e.off", "z.glb", "\u00e4.obj"]
 

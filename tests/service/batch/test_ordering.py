@@ -5,8 +5,8 @@ from concurrent.futures import Future, ThreadPoolExecutor
 
 import pytest
 
-from service.batch.budget import Budget
-from service.batch.ordering import as_they_come, in_order
+from meshconv3d.service.batch.budget import Budget
+from meshconv3d.service.batch.ordering import as_they_come, in_order
 
 
 @pytest.mark.parametrize("arranged", [in_order, as_they_come])

@@ -11,12 +11,12 @@ import fsspec
 import pyarrow.parquet
 import pytest
 
-from model.loading import Limits
-from service.batch.classifying import run_id
-from service.batch.journals import InUse, LocalJournal
-from service.batch.outputs import Output
-from service.batch.tables import Csv
-from service.batch.targets import NotWritten, Target
+from meshconv3d.model.loading import Limits
+from meshconv3d.service.batch.classifying import run_id
+from meshconv3d.service.batch.journals import InUse, LocalJournal
+from meshconv3d.service.batch.outputs import Output
+from meshconv3d.service.batch.tables import Csv
+from meshconv3d.service.batch.targets import NotWritten, Target
 
 RUN = run_id("1" * 64, None, Limits())
 

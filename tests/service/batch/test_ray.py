@@ -12,14 +12,14 @@ from typing import Any
 
 import pytest
 
-from model.loading import Limits
-from service.batch.classifying import Options, Outcome
-from service.batch.engines import EngineFailed, Here
-from service.batch.entries import Entry
-from service.batch.listing import Listing
-from service.classifier import Classifier
-from service.models import ModelFile
-from service.workers import Setup, record_of
+from meshconv3d.model.loading import Limits
+from meshconv3d.service.batch.classifying import Options, Outcome
+from meshconv3d.service.batch.engines import EngineFailed, Here
+from meshconv3d.service.batch.entries import Entry
+from meshconv3d.service.batch.listing import Listing
+from meshconv3d.service.classifier import Classifier
+from meshconv3d.service.models import ModelFile
+from meshconv3d.service.workers import Setup, record_of
 from tests.commands import PROGRAM, environment
 
 pytest.importorskip("ray", reason="needs the extra `ray`")
@@ -27,7 +27,7 @@ pytest.importorskip("ray", reason="needs the extra `ray`")
 import ray
 from ray.cluster_utils import Cluster
 
-from service.batch.ray_engine import BLOCK, Ray
+from meshconv3d.service.batch.ray_engine import BLOCK, Ray
 
 ROOT = Path(__file__).parents[3]
 # The least that Ray takes, in bytes.

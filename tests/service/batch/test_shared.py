@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from service.batch.local import LocalFile
-from service.batch.shared import SharedFile
+from meshconv3d.service.batch.local import LocalFile
+from meshconv3d.service.batch.shared import SharedFile
 
 
 def test_a_file_is_the_same_from_any_folder(

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from service.batch.sorting import SortedFolder
-from service.records import Answer, Refusal
+from meshconv3d.service.batch.sorting import SortedFolder
+from meshconv3d.service.records import Answer, Refusal
 from tests.service.batch.records import answer, refusal
 
 HOSTILE = [

@@ -9,12 +9,12 @@ from typing import BinaryIO
 
 import pyarrow.parquet
 
-from model.samples import sample_paths
-from service.batch.parquet import Parquet
-from service.batch.tables import Csv, Lines, Table
-from service.classifier import Classifier
-from service.evidence import explain
-from service.records import answer
+from meshconv3d.model.samples import sample_paths
+from meshconv3d.service.batch.parquet import Parquet
+from meshconv3d.service.batch.tables import Csv, Lines, Table
+from meshconv3d.service.classifier import Classifier
+from meshconv3d.service.evidence import explain
+from meshconv3d.service.records import answer
 
 
 class Kept(io.BytesIO):

@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from model.checkpoint import load_checkpoint
-from model.loading import load_mesh
-from model.mesh import Mesh
-from model.preparation import face_areas
-from model.samples import sample_paths
-from service.classifier import Classifier
-from service.evidence import FORMS, Explanation, NotExplained, explain, explained_class
-from service.evidence.colours import legend_colours, linear_colours, srgb_colours
+from meshconv3d.model.loading import load_mesh
+from meshconv3d.model.mesh import Mesh
+from meshconv3d.model.nn.checkpoint import load_checkpoint
+from meshconv3d.model.preparation import face_areas
+from meshconv3d.model.samples import sample_paths
+from meshconv3d.service.classifier import Classifier
+from meshconv3d.service.evidence import FORMS, Explanation, NotExplained, explain, explained_class
+from meshconv3d.service.evidence.colours import legend_colours, linear_colours, srgb_colours
 from tests.meshes import torus
 from tests.service.conftest import obj
 

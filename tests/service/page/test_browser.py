@@ -9,8 +9,8 @@ import httpx
 import pytest
 from playwright.sync_api import Playwright, expect
 
-from model.loading import load_mesh
-from model.samples import sample_paths
+from meshconv3d.model.loading import load_mesh
+from meshconv3d.model.samples import sample_paths
 from tests.processes import until
 from tests.service.page.conftest import SOFTWARE, Visitor
 from tests.service.page.pixels import blue, changed, orange, pixels

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from service.batch.report.collecting import MOST_NAMED, SLOWEST, Report
-from service.batch.report.page import write_page
-from service.picture import picture
+from meshconv3d.service.batch.report.collecting import MOST_NAMED, SLOWEST, Report
+from meshconv3d.service.batch.report.page import write_page
+from meshconv3d.service.picture import picture
 from tests.meshes import torus
 from tests.service.batch.records import MODEL, answer, refusal
 

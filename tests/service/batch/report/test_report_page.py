@@ -7,9 +7,9 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Browser, Page, expect
 
-from service.batch.report.collecting import Report
-from service.batch.report.page import write_page
-from service.picture import picture
+from meshconv3d.service.batch.report.collecting import Report
+from meshconv3d.service.batch.report.page import write_page
+from meshconv3d.service.picture import picture
 from tests.meshes import cube, icosphere, torus
 from tests.service.batch.records import MODEL, answer, refusal
 

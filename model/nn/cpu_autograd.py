@@ -1,0 +1,180 @@
+"""The two gathers of the network with their gradients, for training on a CPU.
+
+Written with torch's own operations, a patch is a tensor of N x K x C, of which each step of the
+arithmetic makes another, to be kept for the gradient. Here compiled loops gather a block of faces
+at a time, small enough for the cache, multiply it, and forget it; the gradient gathers it once
+more. `model.nn.layers` has the same arithmetic as operations, for the exported graph and for other
+devices; both give the same values and gradients.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+from torch.autograd.function import once_differentiable
+
+from meshconv3d.model.jit import kernel
+
+# Faces whose patches are gathered and multiplied at a time: 3 MB of 3 x 256 channels.
+BLOCK = 1024
+
+
+class PatchLinear(torch.autograd.Function):
+    """`patch_statistics` of `model.nn.layers` times a matrix.
+
+    N x C_in, N x (K - 1), C_out x 3 C_in -> N x C_out.
+    """
+
+    @staticmethod
+    def forward(ctx, features: Tensor, neighbours: Tensor, weight: Tensor, summed: bool) -> Tensor:
+        table, index = features.detach().contiguous(), neighbours.contiguous()
+        ctx.save_for_backward(table, index, weight)
+        ctx.summed = summed
+        out = table.new_empty(len(table), len(weight))
+        for first, statistics in _blocks(table, index, summed):
+            torch.mm(statistics, weight.T, out=out[first : first + len(statistics)])
+        return out
+
+    @staticmethod
+    @once_differentiable
+    def backward(ctx, gradient: Tensor) -> tuple[Tensor, None, Tensor, None]:
+        table, index, weight = ctx.saved_tensors
+        spread, by_weight = torch.zeros_like(table), torch.zeros_like(weight)
+        for first, statistics in _blocks(table, index, ctx.summed):
+            rows = gradient[first : first + len(statistics)]
+            by_weight.addmm_(rows.T, statistics)
+            by_statistics = torch.mm(rows, weight, out=statistics)
+            _spread_patches(
+                table.numpy(),
+                index.numpy(),
+                first,
+                by_statistics.numpy(),
+                ctx.summed,
+                spread.numpy(),
+            )
+        return spread, None, by_weight, None
+
+
+def _blocks(table: Tensor, index: Tensor, summed: bool) -> Iterator[tuple[int, Tensor]]:
+    """The first face and the patch statistics of each block, in memory that they share."""
+    rows, channels = table.shape
+    statistics = table.new_empty(min(BLOCK, rows), 3 * channels)
+    for first in range(0, rows, BLOCK):
+        block = statistics[: rows - first]
+        gather_patches(table.numpy(), index.numpy(), first, summed, block.numpy())
+        yield first, block
+
+
+class GatherMean(torch.autograd.Function):
+    """`model.nn.layers.gather_mean`: N x C, M x W -> M x C."""
+
+    @staticmethod
+    def forward(ctx, features: Tensor, index: Tensor) -> Tensor:
+        table, index = features.detach().contiguous(), index.contiguous()
+        ctx.save_for_backward(index)
+        ctx.rows = len(table)
+        return torch.from_numpy(_gather_means(table.numpy(), index.numpy()))
+
+    @staticmethod
+    @once_differentiable
+    def backward(ctx, gradient: Tensor) -> tuple[Tensor, None]:
+        (index,) = ctx.saved_tensors
+        spread = _spread_means(index.numpy(), gradient.contiguous().numpy(), ctx.rows)
+        return torch.from_numpy(spread), None
+
+
+@kernel
+def _share(index: NDArray[np.int32]) -> float:
+    """One over the faces that a row of an index names, at least one."""
+    present = 0
+    for entry in index:
+        present += entry > 0
+    return 1.0 / max(present, 1)
+
+
+@kernel
+def gather_patches(
+    table: NDArray, neighbours: NDArray[np.int32], first: int, summed: bool, out: NDArray
+) -> None:
+    """Write the statistics (rows x 3 C) of as many faces as `out` has rows, from `first`."""
+    channels = table.shape[1]
+    for row in range(len(out)):
+        f = first + row
+        share = table.dtype.type(1.0 if summed else _share(neighbours[f]))
+        own = table[f]
+        total, difference = out[row, channels : 2 * channels], out[row, 2 * channels :]
+        out[row, :channels] = own
+        total[:] = 0
+        difference[:] = 0
+        for entry in neighbours[f]:
+            if entry > 0:
+                other = table[entry - 1]
+                for c in range(channels):
+                    total[c] += other[c]
+                    difference[c] += abs(other[c] - own[c])
+        for c in range(channels):
+            total[c] *= share
+            difference[c] *= share
+
+
+@kernel
+def _spread_patches(
+    table: NDArray,
+    neighbours: NDArray[np.int32],
+    first: int,
+    gradient: NDArray,
+    summed: bool,
+    out: NDArray,
+) -> None:
+    """Add to `out` (N x C) what the gradient (rows x 3 C) of the faces from `first` gives it."""
+    channels = table.shape[1]
+    by_difference = np.empty(channels, table.dtype)
+    by_total = np.empty(channels, table.dtype)
+    for row in range(len(gradient)):
+        f = first + row
+        share = table.dtype.type(1.0 if summed else _share(neighbours[f]))
+        own, spread = table[f], out[f]
+        for c in range(channels):
+            spread[c] += gradient[row, c]
+            by_total[c] = gradient[row, channels + c] * share
+            by_difference[c] = gradient[row, 2 * channels + c] * share
+        for entry in neighbours[f]:
+            if entry > 0:
+                other, spread_other = table[entry - 1], out[entry - 1]
+                for c in range(channels):
+                    # The derivative of |x| is its sign: zero at zero, as torch has it.
+                    difference = other[c] - own[c]
+                    towards = by_difference[c] * ((difference > 0) - (difference < 0))
+                    spread_other[c] += by_total[c] + towards
+                    spread[c] -= towards
+
+
+@kernel
+def _gather_means(table: NDArray, index: NDArray[np.int32]) -> NDArray:
+    channels = table.shape[1]
+    out = np.zeros((len(index), channels), table.dtype)
+    for row in range(len(index)):
+        share = table.dtype.type(_share(index[row]))
+        mean = out[row]
+        for entry in index[row]:
+            if entry > 0:
+                for c in range(channels):
+                    mean[c] += table[entry - 1, c]
+        for c in range(channels):
+            mean[c] *= share
+    return out
+
+
+@kernel
+def _spread_means(index: NDArray[np.int32], gradient: NDArray, rows: int) -> NDArray:
+    channels = gradient.shape[1]
+    out = np.zeros((rows, channels), gradient.dtype)
+    for row in range(len(index)):
+        share = gradient.dtype.type(_share(index[row]))
+        for entry in index[row]:
+            if entry > 0:
+                for c in range(channels):
+                    out[entry - 1, c] += gradient[row, c] * share
+    return out

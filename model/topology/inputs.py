@@ -1,0 +1,101 @@
+"""From prepared meshes to the arrays that the network, in torch or ONNX, takes by name."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import accumulate
+
+import numpy as np
+from numpy.typing import NDArray
+
+from meshconv3d.model.config import NetworkConfig
+from meshconv3d.model.mesh import Mesh
+from meshconv3d.model.topology import Surface, Topology, build_topology
+from meshconv3d.model.topology.descriptors import descriptor_terms, pooling_features
+from meshconv3d.model.topology.integral_invariants import surroundings
+from meshconv3d.model.topology.ragged import SurfaceBatch, join_indices
+
+
+@dataclass(frozen=True, eq=False)
+class MeshInputs:
+    """One mesh as the network sees it: terms, F_0 x E float32, and how its faces hang together.
+
+    topology: of all levels; None where pooling is learned, which finds them as the network runs.
+    """
+
+    terms: NDArray[np.float32]
+    surface: Surface
+    topology: Topology | None
+
+
+def mesh_inputs(mesh: Mesh, config: NetworkConfig) -> MeshInputs:
+    """Descriptor terms and topology of a prepared mesh."""
+    surface = Surface.of(mesh)
+    terms = terms_of(mesh.vertices, mesh.faces, surface, config)
+    if config.pooling == "learned":
+        return MeshInputs(terms, surface, None)
+    features = pooling_features(mesh.vertices, mesh.faces)
+    topology = build_topology(surface, features, config.patch_size, config.targets, config.reading)
+    return MeshInputs(terms, surface, topology)
+
+
+def terms_of(
+    vertices: NDArray[np.float64], faces: NDArray[np.int32], surface: Surface, config: NetworkConfig
+) -> NDArray[np.float32]:
+    """What a network's descriptors read of each face, F x E: the 3 D numbers of `descriptor_terms`
+    and, if it looks at them, the M of `surroundings`."""
+    terms = descriptor_terms(
+        vertices, faces, surface.twin, config.absolute_offsets, config.axes == "face"
+    ).reshape(len(faces), -1)
+    if not config.surroundings:
+        return terms
+    return np.concatenate((terms, surroundings(vertices, faces)), axis=1)
+
+
+def input_names(config: NetworkConfig) -> list[str]:
+    """Names of the network's inputs, in order; `collate` says what they are."""
+    if config.pooling == "learned":
+        return ["terms", "twin", "lengths", "starts"]
+    return [
+        "terms",
+        *(f"patches_{level}" for level in range(config.levels)),
+        *(f"pools_{level}" for level in range(config.levels)),
+        "readout",
+    ]
+
+
+def collate(batch: Sequence[MeshInputs]) -> dict[str, NDArray]:
+    """Concatenate meshes of any face counts into one ragged batch, by input name.
+
+    terms: N_0 x E float32. Under geometric pooling, patches_l: N_l x K int32. pools_l:
+    N_(l+1) x W_l int32, W_l the widest of the batch. readout: B x R int32, the faces of each mesh
+    at the last level. Indices are row + 1 in the batch's own tables and 0 for the null face.
+
+    Under learned pooling the surface itself, as `SurfaceBatch` has it: twin, 3 N_0 int32;
+    lengths, 3 N_0 float64; starts, B + 1 int32.
+    """
+    terms = np.concatenate([inputs.terms for inputs in batch])
+    topologies = [inputs.topology for inputs in batch if inputs.topology is not None]
+    if topologies:
+        return {"terms": terms, **_join_topologies(topologies)}
+    surfaces = SurfaceBatch.of([inputs.surface for inputs in batch])
+    joint = surfaces.joint
+    return {"terms": terms, "twin": joint.twin, "lengths": joint.lengths, "starts": surfaces.starts}
+
+
+def _join_topologies(batch: Sequence[Topology]) -> dict[str, NDArray[np.int32]]:
+    levels = len(batch[0].patches)
+    # Of each of the L + 1 levels: the faces of every mesh, and where they begin in its table.
+    counts = list(zip(*(topology.face_counts for topology in batch), strict=True))
+    starts = [list(accumulate(level[:-1], initial=0)) for level in counts]
+    rows = [np.arange(1, count + 1, dtype=np.int32)[None] for count in counts[levels]]
+    return {
+        **{
+            f"patches_{level}": join_indices([t.patches[level] for t in batch], starts[level])
+            for level in range(levels)
+        },
+        **{
+            f"pools_{level}": join_indices([t.pools[level] for t in batch], starts[level])
+            for level in range(levels)
+        },
+        "readout": join_indices(rows, starts[levels]),
+    }

@@ -1,0 +1,1 @@
+"""Training (torch): data sets, variation, the trainer, evaluation, the command line."""

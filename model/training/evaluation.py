@@ -1,0 +1,57 @@
+"""A trained network on labelled meshes: its outputs, its accuracy, and what to make of them."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import chain, islice
+
+import torch
+from torch import Tensor
+
+from meshconv3d.model.calibration import Calibration, calibrate
+from meshconv3d.model.nn.network import Network, Outputs, as_tensors
+from meshconv3d.model.topology.inputs import collate
+from meshconv3d.model.training.datasets import LabelledMesh, LoadedSamples
+
+BATCH_SIZE = 16
+
+
+def accuracy(network: Network, samples: LoadedSamples) -> float:
+    """Share of files whose highest score is their class; refused files count as wrong."""
+    if not samples.meshes:
+        return 0.0
+    right = predict(network, samples.meshes).scores.argmax(dim=1) == _labels(samples.meshes)
+    return float(right.sum()) / samples.total
+
+
+@torch.inference_mode()
+def predict(network: Network, meshes: Sequence[LabelledMesh]) -> Outputs:
+    """The outputs for all meshes, on the CPU; leaves the network in evaluation mode."""
+    parts = [network(*batch) for batch in _batches(network, meshes)]
+    return Outputs(*(torch.cat(part).cpu() for part in zip(*parts, strict=True)))
+
+
+@torch.inference_mode()
+def fit_novelty(network: Network, samples: LoadedSamples) -> None:
+    """Measure what the network's training meshes, varied copies included, look like to it."""
+    meshes = list(chain.from_iterable(samples.versions))
+    pooled = [network.features(*batch)[1].cpu() for batch in _batches(network, meshes)]
+    network.novelty.cpu().fit(torch.cat(pooled), _labels(meshes))
+
+
+def calibrate_network(network: Network, samples: LoadedSamples) -> Calibration:
+    """Its calibration on validation meshes, varied copies included."""
+    meshes = list(chain.from_iterable(samples.versions))
+    outputs = predict(network, meshes)
+    return calibrate(outputs.scores.numpy(), outputs.novelty.numpy(), _labels(meshes).numpy())
+
+
+def _labels(meshes: Iterable[LabelledMesh]) -> Tensor:
+    return torch.tensor([mesh.label for mesh in meshes])
+
+
+def _batches(network: Network, meshes: Sequence[LabelledMesh]) -> Iterator[tuple[Tensor, ...]]:
+    """Inputs of a few meshes at a time; memory stays bounded."""
+    network.eval()
+    device = next(network.parameters()).device
+    rest = iter(meshes)
+    while batch := list(islice(rest, BATCH_SIZE)):
+        yield as_tensors(collate([mesh.inputs for mesh in batch]), device)

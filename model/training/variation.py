@@ -1,0 +1,106 @@
+"""How meshes of one and the same thing differ: other triangles, noise, holes, loose parts.
+
+Each variation takes a prepared mesh and returns another mesh of the same thing as it might be
+uploaded, which then has to be prepared itself. Training learns from such copies (`vary`), and
+`benchmarks.robustness` measures each kind on meshes that training never saw.
+"""
+
+import igl
+import numpy as np
+import trimesh
+
+from meshconv3d.model.mesh import Mesh
+from meshconv3d.model.preparation.resampling import decimate
+from meshconv3d.model.topology import Surface
+from meshconv3d.model.topology.halfedges import edge_lengths
+
+
+def retriangulated(mesh: Mesh, rng: np.random.Generator) -> Mesh:
+    """Four times the faces on the same surface, with a slight jitter along and across it."""
+    finer = subdivided(mesh)
+    noise = rng.normal(0, 0.05 * mean_edge(finer), finer.vertices.shape)
+    return finer.moved(finer.vertices + noise)
+
+
+def subdivided(mesh: Mesh) -> Mesh:
+    """Every face cut into four, on the same surface."""
+    return Mesh(*trimesh.remesh.subdivide(mesh.vertices, mesh.faces)[:2])
+
+
+def smoothed(mesh: Mesh, times: int) -> Mesh:
+    """Loop subdivision: 4^times as many faces, and rounder edges."""
+    return Mesh(*igl.loop(np.asfortranarray(mesh.vertices), np.asfortranarray(mesh.faces), times))
+
+
+def with_faces(mesh: Mesh, count: int) -> Mesh:
+    """About `count` faces: subdivided until there are more, then simplified."""
+    while len(mesh.faces) < count:
+        mesh = subdivided(mesh)
+    return Mesh(*decimate(mesh.vertices, mesh.faces, count))
+
+
+def noisy(mesh: Mesh, share: float, rng: np.random.Generator) -> Mesh:
+    """Normal noise on every vertex; its deviation is a share of the bounding box's diagonal."""
+    return mesh.moved(mesh.vertices + rng.normal(0, share * diagonal(mesh), mesh.vertices.shape))
+
+
+def cut(mesh: Mesh, share: float, rng: np.random.Generator) -> Mesh:
+    """A hole: a share of the faces, connected, around a random one."""
+    patches = Surface.of(mesh).patches(max(round(share * len(mesh.faces)), 1))
+    hole = patches[rng.integers(len(patches))]
+    keep = np.ones(len(mesh.faces) + 1, bool)
+    keep[hole] = False
+    return Mesh(mesh.vertices, mesh.faces[keep[1:]])
+
+
+def with_stray_part(mesh: Mesh, rng: np.random.Generator) -> Mesh:
+    """A small ball beside it: 3 % of the diagonal in radius."""
+    ball = trimesh.creation.icosphere(subdivisions=1, radius=0.03 * diagonal(mesh))
+    beside = mesh.vertices[rng.integers(len(mesh.vertices))]
+    place = beside + rng.normal(0, 0.1 * diagonal(mesh), 3)
+    return Mesh(
+        np.concatenate([mesh.vertices, ball.vertices + place]),
+        np.concatenate([mesh.faces, ball.faces + len(mesh.vertices)]),
+    )
+
+
+def inverted(mesh: Mesh) -> Mesh:
+    """Every face wound the other way."""
+    return Mesh(mesh.vertices, mesh.faces[:, ::-1])
+
+
+def as_soup(mesh: Mesh) -> Mesh:
+    """Three vertices of its own for every face, as in STL."""
+    return Mesh(mesh.vertices[mesh.faces].reshape(-1, 3), np.arange(mesh.faces.size).reshape(-1, 3))
+
+
+def diagonal(mesh: Mesh) -> float:
+    """Length of the bounding box's diagonal."""
+    return float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
+
+
+def mean_edge(mesh: Mesh) -> float:
+    """Mean length of the half-edges."""
+    return float(edge_lengths(mesh.vertices, mesh.faces).mean())
+
+
+def vary(mesh: Mesh, rng: np.random.Generator) -> Mesh:
+    """A random copy for training: other triangles, then perhaps noise, then perhaps a hole."""
+    match rng.integers(6):
+        case 0:
+            mesh = retriangulated(mesh, rng)
+        case 1:
+            mesh = smoothed(mesh, 1)
+        case 2:
+            mesh = smoothed(mesh, 2)
+        case 3 | 4:
+            mesh = with_faces(mesh, int(np.exp(rng.uniform(np.log(200), np.log(2000)))))
+        case _:
+            pass
+    if rng.random() < 0.5:
+        # On fine triangles, noise of the mesh's scale would be all that is left.
+        most = min(0.01, 0.25 * mean_edge(mesh) / diagonal(mesh))
+        mesh = noisy(mesh, rng.uniform(0, most), rng)
+    if rng.random() < 0.3:
+        mesh = cut(mesh, rng.uniform(0.02, 0.12), rng)
+    return mesh
