@@ -46,7 +46,9 @@ class Stages:
         surface = Surface.of(self.prepared)
         features = pooling_features(self.prepared.vertices, self.prepared.faces)
         config = self.config
-        return build_topology(surface, features, config.patch_size, config.targets, config.reading)
+        return build_topology(
+            surface, features, config.patch_size, config.targets, config.topology_options
+        )
 
     def descriptors(self) -> NDArray[np.float32]:
         vertices, faces = self.prepared.vertices, self.prepared.faces

@@ -14,7 +14,7 @@ Legend of dimension letters, used in every docstring of the project:
     T   pooling target, a face count
     L   levels (blocks) of the network
     D   descriptor terms, each a 3-vector
-    M   measures of a face's surroundings
+    M   integral invariants of a face
     E   numbers that the descriptors read of a face: 3 D, or 3 D + M
     C   channels
     N_c classes

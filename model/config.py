@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import ConfigDict, Field, TypeAdapter, ValidationError, model_validator
 from pydantic.dataclasses import dataclass
 
-from meshconv3d.model.topology import Reading
+from meshconv3d.model.topology import TopologyOptions
 
 Size = Annotated[int, Field(ge=1, le=2**20)]
 Sizes = Annotated[tuple[Size, ...], Field(min_length=1)]
@@ -76,9 +76,9 @@ class NetworkConfig:
         return len(self.targets)
 
     @property
-    def reading(self) -> Reading:
+    def topology_options(self) -> TopologyOptions:
         """The topology stage's share of what is configured."""
-        return Reading(
+        return TopologyOptions(
             self_padding=self.patch_padding == "self",
             squared_norm=self.pooling_norm == "squared",
             survivor=self.pooling_survivor,

@@ -76,11 +76,11 @@ class GrownLevel:
     starts: Tensor
 
     def patches(self) -> Tensor:
-        reading = self.config.reading
-        return grow_patches(self.twin, self.lengths, self.config.patch_size, reading.self_padding)
+        options = self.config.topology_options
+        return grow_patches(self.twin, self.lengths, self.config.patch_size, options.self_padding)
 
     def pool(self, features: Tensor) -> tuple[Tensor, "GrownLevel"]:
-        reading = self.config.reading
+        options = self.config.topology_options
         # Which faces collapse is a choice, and has no gradient; what they gather has one.
         index, twin, lengths, starts = pool_faces(
             features.detach(),
@@ -88,8 +88,8 @@ class GrownLevel:
             self.lengths,
             self.starts,
             self.config.targets[self.number],
-            reading.squared_norm,
-            reading.survivor,
+            options.squared_norm,
+            options.survivor,
         )
         number = self.number + 1
         return index, replace(self, number=number, twin=twin, lengths=lengths, starts=starts)

@@ -5,6 +5,6 @@ is one pooling level of one mesh and `levels` all of them, `ragged` joins the me
 """
 
 from meshconv3d.model.topology.levels import Topology, build_topology
-from meshconv3d.model.topology.surface import Reading, Surface
+from meshconv3d.model.topology.surface import Surface, TopologyOptions
 
-__all__ = ["Reading", "Surface", "Topology", "build_topology"]
+__all__ = ["Surface", "Topology", "TopologyOptions", "build_topology"]

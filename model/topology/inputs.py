@@ -11,7 +11,7 @@ from meshconv3d.model.config import NetworkConfig
 from meshconv3d.model.mesh import Mesh
 from meshconv3d.model.topology import Surface, Topology, build_topology
 from meshconv3d.model.topology.descriptors import descriptor_terms, pooling_features
-from meshconv3d.model.topology.integral_invariants import surroundings
+from meshconv3d.model.topology.integral_invariants import integral_invariants
 from meshconv3d.model.topology.ragged import SurfaceBatch, join_indices
 
 
@@ -34,7 +34,9 @@ def mesh_inputs(mesh: Mesh, config: NetworkConfig) -> MeshInputs:
     if config.pooling == "learned":
         return MeshInputs(terms, surface, None)
     features = pooling_features(mesh.vertices, mesh.faces)
-    topology = build_topology(surface, features, config.patch_size, config.targets, config.reading)
+    topology = build_topology(
+        surface, features, config.patch_size, config.targets, config.topology_options
+    )
     return MeshInputs(terms, surface, topology)
 
 
@@ -42,13 +44,13 @@ def terms_of(
     vertices: NDArray[np.float64], faces: NDArray[np.int32], surface: Surface, config: NetworkConfig
 ) -> NDArray[np.float32]:
     """What a network's descriptors read of each face, F x E: the 3 D numbers of `descriptor_terms`
-    and, if it looks at them, the M of `surroundings`."""
+    and, if it looks at them, the M of `integral_invariants`."""
     terms = descriptor_terms(
         vertices, faces, surface.twin, config.absolute_offsets, config.axes == "face"
     ).reshape(len(faces), -1)
     if not config.surroundings:
         return terms
-    return np.concatenate((terms, surroundings(vertices, faces)), axis=1)
+    return np.concatenate((terms, integral_invariants(vertices, faces)), axis=1)
 
 
 def input_names(config: NetworkConfig) -> list[str]:

@@ -1,4 +1,4 @@
-"""What lies around each face, across gaps: measures of the whole surface as the face sees it.
+"""Integral invariants: the surface around each face, measured in balls and across gaps.
 
 Equations 1 and 2 look one face far, patches a few, and neither ever crosses from one part of a
 thing to another. These measures count all surface near a face, of whichever part, within balls of
@@ -24,7 +24,9 @@ SUMS = 13
 
 
 @kernel
-def surroundings(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> NDArray[np.float32]:
+def integral_invariants(
+    vertices: NDArray[np.float64], faces: NDArray[np.int32]
+) -> NDArray[np.float32]:
     """F x M float32, M = MEASURES. vertices: V x 3 float64, in the unit sphere.
 
     For each ball around the centroid of a face with normal n, over the area in it, which lies at

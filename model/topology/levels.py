@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshconv3d.model.topology.pooling import gather_mean
-from meshconv3d.model.topology.surface import PAPER, Reading, Surface
+from meshconv3d.model.topology.surface import DEFAULT_OPTIONS, Surface, TopologyOptions
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +32,7 @@ def build_topology(
     features: NDArray,
     patch_size: int,
     targets: Sequence[int],
-    reading: Reading = PAPER,
+    options: TopologyOptions = DEFAULT_OPTIONS,
 ) -> Topology:
     """All levels under the `geometric` reading of equation 5.
 
@@ -43,7 +43,7 @@ def build_topology(
     for target in targets:
         if pools:
             features = gather_mean(features, pools[-1])
-        patches.append(surface.patches(patch_size, reading))
-        surface, index = surface.pool(features, target, reading)
+        patches.append(surface.patches(patch_size, options))
+        surface, index = surface.pool(features, target, options)
         pools.append(index)
     return Topology(tuple(patches), tuple(pools))

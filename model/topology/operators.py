@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshconv3d.model.topology.ragged import SurfaceBatch
-from meshconv3d.model.topology.surface import Reading, Surface
+from meshconv3d.model.topology.surface import Surface, TopologyOptions
 
 
 def grow_patches(
@@ -19,8 +19,8 @@ def grow_patches(
 
     twin, 3 N; lengths, 3 N: see `Surface`; twins count the half-edges of the whole batch.
     """
-    reading = Reading(self_padding=bool(self_padding))
-    return Surface(twin, lengths).patches(patch_size, reading)
+    options = TopologyOptions(self_padding=bool(self_padding))
+    return Surface(twin, lengths).patches(patch_size, options)
 
 
 def pool_faces(
@@ -38,7 +38,7 @@ def pool_faces(
     starts: B + 1, where each mesh's faces begin. Returns (index, twin, lengths, starts): the
     pooling index, N' x W int32 of face + 1, and the pooled batch.
     """
-    reading = Reading(squared_norm=bool(squared_norm), survivor=bool(survivor))
+    options = TopologyOptions(squared_norm=bool(squared_norm), survivor=bool(survivor))
     batch = SurfaceBatch(Surface(twin, lengths), starts)
-    pooled, index = batch.pool(features, target, reading)
+    pooled, index = batch.pool(features, target, options)
     return index, pooled.joint.twin, pooled.joint.lengths, pooled.starts

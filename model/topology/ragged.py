@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from meshconv3d.model.topology.surface import Reading, Surface
+from meshconv3d.model.topology.surface import Surface, TopologyOptions
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,7 @@ class SurfaceBatch:
         return pieces
 
     def pool(
-        self, features: NDArray, target: int, reading: Reading
+        self, features: NDArray, target: int, options: TopologyOptions
     ) -> tuple["SurfaceBatch", NDArray[np.int32]]:
         """Collapse every mesh to `target` faces by the features (N x C) that enter this pooling.
 
@@ -51,7 +51,7 @@ class SurfaceBatch:
         pooled, indices = [], []
         for i, surface in enumerate(self.surfaces()):
             own = features[self.starts[i] : self.starts[i + 1]]
-            smaller, index = surface.pool(own, target, reading)
+            smaller, index = surface.pool(own, target, options)
             pooled.append(smaller)
             indices.append(index)
         return SurfaceBatch.of(pooled), join_indices(indices, self.starts[:-1])

@@ -12,8 +12,8 @@ from meshconv3d.model.topology.pooling import pool_faces
 
 
 @dataclass(frozen=True)
-class Reading:
-    """How to read what the paper leaves open about patches and pooling.
+class TopologyOptions:
+    """Options of patches and pooling where the paper leaves a choice.
 
     self_padding: a short patch repeats its own face, instead of the null face. squared_norm and
     survivor: see `pool_faces`.
@@ -24,7 +24,7 @@ class Reading:
     survivor: bool = True
 
 
-PAPER = Reading()
+DEFAULT_OPTIONS = TopologyOptions()
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,20 +48,22 @@ class Surface:
     def face_count(self) -> int:
         return len(self.twin) // 3
 
-    def patches(self, patch_size: int, reading: Reading = PAPER) -> NDArray[np.int32]:
+    def patches(
+        self, patch_size: int, options: TopologyOptions = DEFAULT_OPTIONS
+    ) -> NDArray[np.int32]:
         """F x K int32 of face + 1; see `grow_patches`."""
         patches = grow_patches(sort_adjacency(self.twin, self.lengths), patch_size)
-        return np.where(patches == 0, patches[:, :1], patches) if reading.self_padding else patches
+        return np.where(patches == 0, patches[:, :1], patches) if options.self_padding else patches
 
     def pool(
-        self, features: NDArray, target: int, reading: Reading = PAPER
+        self, features: NDArray, target: int, options: TopologyOptions = DEFAULT_OPTIONS
     ) -> tuple["Surface", NDArray[np.int32]]:
         """Collapse to `target` faces by the features (F x C) that enter this pooling.
 
         Returns the pooled surface and its index, F' x W int32 of face + 1; see `pool_faces`.
-        This is the seam between the two readings of equation 5: the caller says which features.
+        The caller chooses the features that equation 5 compares.
         """
         kept, twin, index = pool_faces(
-            self.twin, features, target, reading.squared_norm, reading.survivor
+            self.twin, features, target, options.squared_norm, options.survivor
         )
         return Surface(twin, self.lengths.reshape(-1, 3).take(kept, axis=0).reshape(-1)), index

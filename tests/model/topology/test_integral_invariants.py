@@ -4,7 +4,12 @@ import numpy as np
 import pytest
 
 from meshconv3d.model.mesh import Mesh
-from meshconv3d.model.topology.integral_invariants import IN_BALL, MEASURES, RADII, surroundings
+from meshconv3d.model.topology.integral_invariants import (
+    IN_BALL,
+    MEASURES,
+    RADII,
+    integral_invariants,
+)
 from meshconv3d.model.training.augmentation import random_rotation
 from tests.meshes import cube, sheet, together, torus
 
@@ -20,7 +25,7 @@ SURFACES = {"torus": inside(torus()), "parts": PARTS, "open": inside(sheet(9, 7)
 
 
 def measure(mesh: Mesh) -> np.ndarray:
-    return surroundings(mesh.vertices, mesh.faces)
+    return integral_invariants(mesh.vertices, mesh.faces)
 
 
 def samples(mesh: Mesh, count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -93,9 +98,9 @@ def test_neither_rotation_nor_the_order_of_anything_changes_them(mesh):
 def test_a_face_sees_a_part_that_it_does_not_touch():
     near = sheet(4, 4)
     far = near.moved(near.vertices + np.array([0, 0, 0.3]))
-    alone = surroundings(near.vertices, near.faces)
+    alone = integral_invariants(near.vertices, near.faces)
     both = together(near, far)
-    beside = surroundings(both.vertices, both.faces)[: len(near.faces)]
+    beside = integral_invariants(both.vertices, both.faces)[: len(near.faces)]
     assert np.abs(beside - alone)[:, 8 * 3 :].max() > 0.1
 
 

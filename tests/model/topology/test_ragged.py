@@ -5,7 +5,7 @@ import pytest
 
 from meshconv3d.model.topology.operators import grow_patches, pool_faces
 from meshconv3d.model.topology.ragged import SurfaceBatch, join_indices
-from meshconv3d.model.topology.surface import PAPER, Reading, Surface
+from meshconv3d.model.topology.surface import DEFAULT_OPTIONS, Surface, TopologyOptions
 from tests.meshes import cube, icosphere, sheet, torus
 
 SURFACES = [Surface.of(mesh) for mesh in (torus(12, 6), sheet(), cube(), icosphere(2))]
@@ -31,8 +31,10 @@ def test_no_twin_crosses_from_mesh_to_mesh() -> None:
 
 
 @pytest.mark.parametrize("target", [3, 40, 10_000])
-@pytest.mark.parametrize("reading", [PAPER, Reading(squared_norm=False, survivor=False)])
-def test_a_batch_pools_each_mesh_as_alone(target: int, reading: Reading) -> None:
+@pytest.mark.parametrize(
+    "options", [DEFAULT_OPTIONS, TopologyOptions(squared_norm=False, survivor=False)]
+)
+def test_a_batch_pools_each_mesh_as_alone(target: int, options: TopologyOptions) -> None:
     features = features_of()
     index, twin, lengths, starts = pool_faces(
         features,
@@ -40,11 +42,11 @@ def test_a_batch_pools_each_mesh_as_alone(target: int, reading: Reading) -> None
         SurfaceBatch.of(SURFACES).joint.lengths,
         STARTS.astype(np.int32),
         target=target,
-        squared_norm=int(reading.squared_norm),
-        survivor=int(reading.survivor),
+        squared_norm=int(options.squared_norm),
+        survivor=int(options.survivor),
     )
     alone = [
-        surface.pool(features[start:end], target, reading)
+        surface.pool(features[start:end], target, options)
         for surface, start, end in zip(SURFACES, STARTS[:-1], STARTS[1:], strict=True)
     ]
     assert starts.tolist() == np.cumsum([0, *(s.face_count for s, _ in alone)]).tolist()
@@ -59,8 +61,8 @@ def test_a_batch_pools_each_mesh_as_alone(target: int, reading: Reading) -> None
 def test_a_batch_grows_the_patches_of_each_mesh(self_padding: int) -> None:
     joint = SurfaceBatch.of(SURFACES).joint
     patches = grow_patches(joint.twin, joint.lengths, patch_size=14, self_padding=self_padding)
-    reading = Reading(self_padding=bool(self_padding))
-    alone = [surface.patches(14, reading) for surface in SURFACES]
+    options = TopologyOptions(self_padding=bool(self_padding))
+    alone = [surface.patches(14, options) for surface in SURFACES]
     assert (patches == join_indices(alone, STARTS[:-1])).all()
     # The cube has twelve faces, so that two are missing.
     of_cube = patches[STARTS[2] : STARTS[3]]
