@@ -30,7 +30,7 @@ def configure_logs(form: LogFormat) -> None:
                 }
             },
             "root": {"level": "WARNING", "handlers": ["stderr"]},
-            "loggers": {name: {"level": "INFO"} for name in ("model", "service", "uvicorn")},
+            "loggers": {name: {"level": "INFO"} for name in ("meshconv3d", "uvicorn")},
         }
     )
 
