@@ -95,19 +95,19 @@ export async function sampleFile(sample: Sample): Promise<File> {
 
 export type Progress = (share: number) => void;
 
-/** Classify a file; `progress` hears what share of it is sent. */
-export async function classify(file: File, model: string, progress: Progress): Promise<Answer> {
-  const blob = await post(file, "v1/classify", { model }, "application/json", progress);
+/** Classify a file, which comes first, with its pieces; `progress` hears what share of it is sent. */
+export async function classify(files: File[], model: string, progress: Progress): Promise<Answer> {
+  const blob = await post(files, "v1/classify", { model }, "application/json", progress);
   return JSON.parse(await blob.text()) as Answer;
 }
 
 /** A file explained, in one of the media types that the service offers. */
-export const explain = (file: File, model: string, label: string, accept: string) =>
-  post(file, "v1/explain", { model, class: label }, accept, () => {});
+export const explain = (files: File[], query: { model?: string; class?: string }, accept: string) =>
+  post(files, "v1/explain", query, accept, () => {});
 
 // fetch() cannot tell how much of a body is sent.
 function post(
-  file: File,
+  files: File[],
   path: string,
   query: Record<string, string>,
   accept: string,
@@ -129,7 +129,7 @@ function post(
       else reject(refusal(request.status, await body.text()));
     };
     const form = new FormData();
-    form.append("file", file, file.name);
+    for (const file of files) form.append("file", file, file.name);
     request.send(form);
   });
 }

@@ -42,6 +42,8 @@ export class Entry {
 
   constructor(
     readonly file: File,
+    /** Files that it refers to: the buffers of a glTF. */
+    readonly pieces: File[],
     zUp: boolean,
     public model: string,
   ) {

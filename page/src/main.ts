@@ -2,6 +2,7 @@
 
 import * as api from "./api";
 import { byId, make } from "./dom";
+import { chosen, dropped, gathered, type Found } from "./files";
 import { KeyForm } from "./key";
 import { panel } from "./panel/result";
 import { readForView } from "./parsing";
@@ -24,7 +25,7 @@ const say = (words: string) => {
 const visit = new Visit(render, say);
 const stage = new Stage(() => visit.current && visit.turnUpright(visit.current));
 const keyForm = new KeyForm(() => (visit.models.length ? askAgain() : begin()));
-const add = (files: Iterable<File>) => visit.add(files, modelPicker.value);
+const add = async (found: Found[]) => visit.add(await gathered(found), modelPicker.value);
 
 function render(): void {
   const refused = visit.entries.find((one) => one.error?.wantsKey)?.error;
@@ -67,9 +68,9 @@ async function save(form: Form): Promise<void> {
 
 function listen(): void {
   for (const id of ["choose", "choose-empty"]) byId(id).onclick = () => fileInput.click();
-  fileInput.accept = EXTENSIONS.map((extension) => `.${extension}`).join(",");
+  fileInput.accept = [...EXTENSIONS, "bin"].map((extension) => `.${extension}`).join(",");
   fileInput.onchange = () => {
-    add(fileInput.files ?? []);
+    void add(chosen(fileInput.files ?? []));
     fileInput.value = "";
   };
   document.addEventListener("dragover", (event) => {
@@ -82,7 +83,7 @@ function listen(): void {
   document.addEventListener("drop", (event) => {
     event.preventDefault();
     dropHint.hidden = true;
-    add(event.dataTransfer?.files ?? []);
+    if (event.dataTransfer) void dropped(event.dataTransfer).then(add);
   });
   modelPicker.onchange = () => {
     for (const entry of visit.entries) visit.ask(entry, modelPicker.value);
@@ -114,14 +115,14 @@ async function showSamples(): Promise<void> {
   byId("samples").hidden = false;
   for (const [i, { image }] of cards.entries()) {
     const file = await api.sampleFile(samples[i]);
-    const shown = await readForView(file, file.name);
-    image.replaceWith(picture(thumbnail(shown, isZUp(file.name))));
+    const shown = await readForView(file, file.name).catch(() => visit.servedMesh(file));
+    image.replaceWith(picture(shown && thumbnail(shown, isZUp(file.name))));
   }
 }
 
 async function open(sample: api.Sample): Promise<void> {
   try {
-    add([await api.sampleFile(sample)]);
+    await add(chosen([await api.sampleFile(sample)]));
   } catch (error) {
     const refused = api.asRefused(error);
     if (refused.wantsKey) keyForm.ask(refused);

@@ -2,7 +2,8 @@
 
 import * as api from "./api";
 import { Entry, type Explained, type Legend } from "./entries";
-import { readForView } from "./parsing";
+import type { Parts } from "./files";
+import { readForView, type Shown } from "./parsing";
 import { isZUp } from "./parsing/formats";
 import { thumbnail } from "./thumbnails";
 import { megabytes, plain, verdict } from "./words";
@@ -32,8 +33,8 @@ export class Visit {
     private readonly say: (words: string) => void,
   ) {}
 
-  add(files: Iterable<File>, model: string): void {
-    const added = [...files].map((file) => new Entry(file, isZUp(file.name), model));
+  add(parts: Parts[], model: string): void {
+    const added = parts.map(({ file, pieces }) => new Entry(file, pieces, isZUp(file.name), model));
     this.entries.push(...added);
     for (const entry of added) {
       void this.draw(entry);
@@ -101,25 +102,43 @@ export class Visit {
     const blob = await this.attempt(entry, async () => {
       if (!this.explains(entry)) return new Blob([JSON.stringify(answer, null, 2)]);
       if (form === "glb") return (await this.explained(entry, label)).glb;
-      return api.explain(entry.file, entry.model, label, MEDIA_TYPES[form]);
+      return api.explain([entry.file, ...entry.pieces], { model: entry.model, class: label }, MEDIA_TYPES[form]);
     });
     return blob && new File([blob], `${entry.file.name}-${label}.${form}`);
   }
 
   private async draw(entry: Entry): Promise<void> {
     try {
-      entry.shown = await readForView(entry.file, entry.file.name);
-      entry.picture = thumbnail(entry.shown, entry.zUp);
+      this.drawn(entry, await readForView(entry.file, entry.file.name));
     } catch {
       entry.unreadable = true;
-      if (entry.answer) this.drawAsServed(entry);
+      if (entry.answer) await this.drawAsServed(entry);
     }
     this.changed();
   }
 
-  /** What the page cannot read is drawn as the service sees it. */
-  private drawAsServed(entry: Entry): void {
-    if (this.explains(entry)) void this.choose(entry, entry.answer!.class);
+  /** Draw what the page cannot read from the mesh that the service returns. */
+  private async drawAsServed(entry: Entry): Promise<void> {
+    if (!this.explains(entry)) return;
+    const label = entry.answer!.class;
+    const explained = await this.attempt(entry, () => this.explained(entry, label));
+    if (explained) this.drawn(entry, await readForView(explained.glb, "a.glb"));
+    this.changed();
+  }
+
+  /** A file that the page cannot read, as the service returns it; null where it is refused. */
+  async servedMesh(file: File): Promise<Shown | null> {
+    try {
+      return await readForView(await api.explain([file], {}, MEDIA_TYPES.glb), "a.glb");
+    } catch {
+      return null;
+    }
+  }
+
+  private drawn(entry: Entry, shown: Shown): void {
+    entry.shown = shown;
+    entry.unreadable = false;
+    entry.picture = thumbnail(shown, entry.zUp);
   }
 
   private next(): void {
@@ -135,15 +154,15 @@ export class Visit {
   private async classify(entry: Entry): Promise<void> {
     const { model } = entry;
     try {
-      const answer = await api.classify(entry.file, model, (share) => {
+      const answer = await api.classify([entry.file, ...entry.pieces], model, (share) => {
         entry.state = share < 1 ? { step: "sending", share } : { step: "waiting" };
         this.changed();
       });
       if (entry.model !== model) return; // another was chosen meanwhile
       entry.state = { step: "done", answer };
       this.say(`${entry.file.name}: ${verdict(answer)}`);
-      if (entry.unreadable) this.drawAsServed(entry);
       this.changed();
+      if (entry.unreadable) await this.drawAsServed(entry);
     } catch (error) {
       this.fail(entry, api.asRefused(error));
     }
@@ -171,7 +190,7 @@ export class Visit {
     const known = entry.explained.get(label);
     if (known) return known;
     const { model } = entry;
-    const glb = await api.explain(entry.file, model, label, MEDIA_TYPES.glb);
+    const glb = await api.explain([entry.file, ...entry.pieces], { model, class: label }, MEDIA_TYPES.glb);
     const [legend, shown] = await Promise.all([legendOf(glb), readForView(glb, "a.glb", true)]);
     const explained = { glb, legend, shown };
     if (entry.model === model) entry.explained.set(label, explained);

@@ -3,12 +3,10 @@
 import { OBJLoader } from "three/examples/jsm/loaders/OBJLoader.js";
 import { PLYLoader } from "three/examples/jsm/loaders/PLYLoader.js";
 import { STLLoader } from "three/examples/jsm/loaders/STLLoader.js";
-import { extensionOf, type Extension } from "./formats";
+import { extensionOf } from "./formats";
 import { readGltf } from "./gltf";
-import { readOff } from "./off";
 import { reduced } from "./reduce";
 import { soupOf, soupOfGeometry, type Soup } from "./soup";
-import { read3mf } from "./threemf";
 
 /** A mesh to show: centred, of radius 1. positions: 9 numbers a face; colours: the same, or none.
  * faces: how many the file has, of which `positions` may hold fewer. */
@@ -20,19 +18,18 @@ export interface Shown {
 
 const text = (data: ArrayBuffer) => new TextDecoder().decode(data);
 
-const READERS: Record<Extension, (data: ArrayBuffer) => Soup | Promise<Soup>> = {
+// Formats for which three.js has a reader. The service draws the others: as GLB, with the evidence.
+const READERS: Record<string, ((data: ArrayBuffer) => Soup | Promise<Soup>) | undefined> = {
   obj: (data) => soupOf(new OBJLoader().parse(text(data))),
-  off: (data) => readOff(text(data)),
   stl: (data) => soupOfGeometry(new STLLoader().parse(data)),
   ply: (data) => soupOfGeometry(new PLYLoader().parse(data)),
   glb: readGltf,
   gltf: readGltf,
-  "3mf": read3mf,
 };
 
 /** coloured: whether the file's colours are shown. Throws for what cannot be shown. */
 export async function read(name: string, data: ArrayBuffer, coloured: boolean): Promise<Shown> {
-  const reader = READERS[extensionOf(name) as Extension];
+  const reader = READERS[extensionOf(name)];
   if (!reader) throw new Error(`no reader for ${name}`);
   const soup = await reader(data);
   const faces = soup.positions.length / 9;

@@ -57,17 +57,3 @@ function joined(parts: Part[]): Soup {
   });
   return { positions, colours };
 }
-
-/** Polygons as fans of triangles. */
-export function fans(vertices: ArrayLike<number>, polygons: number[][]): Soup {
-  const triangles = polygons.flatMap((polygon) =>
-    polygon.slice(2).map((last, i) => [polygon[0], polygon[i + 1], last]),
-  );
-  const positions = new Float64Array(9 * triangles.length);
-  triangles.forEach((triangle, f) =>
-    triangle.forEach((vertex, s) => {
-      for (let k = 0; k < 3; k++) positions[9 * f + 3 * s + k] = vertices[3 * vertex + k];
-    }),
-  );
-  return { positions, colours: null };
-}

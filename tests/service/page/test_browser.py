@@ -224,11 +224,13 @@ def test_a_file_of_200_000_faces(visitor: Visitor, large_file: Path) -> None:
 
 
 def test_files_that_the_page_cannot_draw_are_drawn_as_served(visitor: Visitor) -> None:
-    """An OFF with one number a line, which the service reads and the page does not."""
-    text = SAMPLES["octopus"].read_text().replace(" ", "\n")
-    visitor.give({"name": "lines.off", "mimeType": "", "buffer": text.encode()})
-    expect(visitor.at(".verdict")).to_have_text("Unknown")
-    expect(visitor.at("#view")).to_have_attribute("data-shows", "octopus")
+    """The page reads no OFF and no 3MF: it draws the mesh of the explanation, in grey."""
+    visitor.give(SAMPLES["octopus"])
+    visitor.drawn()
+    expect(visitor.at("#view-note")).to_be_hidden()
+    assert orange(pixels(visitor.at("#view"))) < 0.001
+    visitor.explain("octopus")
+    until(lambda: orange(pixels(visitor.at("#view"))) > 0.01)
 
 
 def test_dropped_files(visitor: Visitor) -> None:

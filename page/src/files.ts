@@ -1,0 +1,88 @@
+// The files of a drop or a choice: which are meshes, and which are pieces of one (glTF buffers).
+
+import { EXTENSIONS, extensionOf } from "./parsing/formats";
+
+/** A file with its path below what was dropped, with slashes. */
+export interface Found {
+  file: File;
+  path: string;
+}
+
+/** A mesh file and the files that it refers to, each named as it refers to it. */
+export interface Parts {
+  file: File;
+  pieces: File[];
+}
+
+// Of one dropped folder; more is for the command line.
+const MOST_FILES = 2000;
+
+const isMesh = ({ file }: Found) => (EXTENSIONS as readonly string[]).includes(extensionOf(file.name));
+const folderOf = (path: string) => path.slice(0, path.lastIndexOf("/") + 1);
+
+/** Files that were chosen in a dialog. */
+export const chosen = (files: Iterable<File>): Found[] =>
+  [...files].map((file) => ({ file, path: file.webkitRelativePath || file.name }));
+
+/** The dropped files, and those of dropped folders. */
+export async function dropped(data: DataTransfer): Promise<Found[]> {
+  const files = chosen(data.files);
+  // To be asked for before anything is awaited: the transfer is emptied then.
+  const entries = [...data.items].map((item) => item.webkitGetAsEntry?.() ?? null);
+  if (!entries.some((entry) => entry?.isDirectory)) return files;
+  const found: Found[] = [];
+  for (const entry of entries) if (entry) await walk(entry, found);
+  return found;
+}
+
+async function walk(entry: FileSystemEntry, found: Found[]): Promise<void> {
+  if (found.length >= MOST_FILES || entry.name.startsWith(".")) return;
+  if (entry.isFile) {
+    const file = await new Promise<File>((resolve, reject) =>
+      (entry as FileSystemFileEntry).file(resolve, reject),
+    );
+    found.push({ file, path: entry.fullPath.replace(/^\//, "") });
+    return;
+  }
+  const reader = (entry as FileSystemDirectoryEntry).createReader();
+  // A call returns a hundred entries at the most.
+  for (;;) {
+    const some = await new Promise<FileSystemEntry[]>((resolve, reject) =>
+      reader.readEntries(resolve, reject),
+    );
+    if (!some.length) return;
+    for (const one of some) await walk(one, found);
+  }
+}
+
+/** Mesh files with their pieces. Other files are left out, unless nothing else is there: the
+ * service says what is wrong with them. */
+export async function gathered(found: Found[]): Promise<Parts[]> {
+  const meshes = found.filter(isMesh);
+  const parts = (meshes.length ? meshes : found).map(async (one) => ({
+    file: one.file,
+    pieces: extensionOf(one.file.name) === "gltf" ? await piecesOf(one, found) : [],
+  }));
+  return Promise.all(parts);
+}
+
+async function piecesOf(mesh: Found, found: Found[]): Promise<File[]> {
+  const byPath = new Map(found.map(({ file, path }) => [path, file]));
+  const uris = await bufferUris(mesh.file);
+  return uris.flatMap((uri) => {
+    const file = byPath.get(folderOf(mesh.path) + uri);
+    return file ? [new File([file], uri)] : [];
+  });
+}
+
+/** The relative paths of a .gltf file's buffers; none if it cannot be read. */
+async function bufferUris(file: File): Promise<string[]> {
+  try {
+    const document = JSON.parse(await file.text()) as { buffers?: { uri?: string }[] };
+    return (document.buffers ?? []).flatMap(({ uri }) =>
+      uri && !/^[a-z]+:/i.test(uri) ? [decodeURIComponent(uri).replace(/^\.\//, "")] : [],
+    );
+  } catch {
+    return [];
+  }
+}
