@@ -10,7 +10,15 @@ limits. All formats are read with NumPy: to find out whether a general library w
 file rightly, and within bounds, one has to read it first.
 """
 
-from meshconv3d.model.loading.folders import find_meshes, has_mesh_name, walk_meshes
+from meshconv3d.model.loading.folders import (
+    extension,
+    find_meshes,
+    has_mesh_name,
+    has_other_format,
+    is_hidden,
+    walk_files,
+    walk_meshes,
+)
 from meshconv3d.model.loading.formats import FORMATS, Format, detect_format
 from meshconv3d.model.loading.limits import Limits
 from meshconv3d.model.loading.load import load_mesh
@@ -20,8 +28,12 @@ __all__ = [
     "Format",
     "Limits",
     "detect_format",
+    "extension",
     "find_meshes",
     "has_mesh_name",
+    "has_other_format",
+    "is_hidden",
     "load_mesh",
+    "walk_files",
     "walk_meshes",
 ]
