@@ -57,7 +57,9 @@ def at_a_terminal(*arguments: object, cwd: Path) -> tuple[int, list[str]]:
     return status, [line.rstrip() for line in shown.splitlines()]
 
 
-def sent_to_terminal(*arguments: object, cwd: Path, errors: bool = True) -> tuple[int, bytes]:
+def sent_to_terminal(
+    *arguments: object, cwd: Path, errors: bool = True, variables: Mapping[str, str] = {}
+) -> tuple[int, bytes]:
     """Exit code and all that a terminal of 80 columns is sent. errors: standard error, too."""
     master, slave = pty.openpty()
     fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", 24, WIDTH, 0, 0))
@@ -66,7 +68,7 @@ def sent_to_terminal(*arguments: object, cwd: Path, errors: bool = True) -> tupl
         stdin=slave,
         stdout=slave,
         stderr=slave if errors else subprocess.DEVNULL,
-        env=environment(),
+        env=environment(**variables),
         cwd=cwd,
     )
     os.close(slave)

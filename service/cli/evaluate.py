@@ -77,7 +77,7 @@ def evaluate(
 
         write_files(out, report, outcomes)
     if as_json or not sys.stdout.isatty():
-        click.echo(report.model_dump_json(by_alias=True))
+        click.echo(report.model_dump_json(by_alias=True).encode())
     else:
         print_evaluation(report, outcomes)
     ctx.exit(1 if report.refused else 0)

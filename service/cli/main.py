@@ -4,8 +4,10 @@ Commands are named as text and imported when one is run: `--version` must not wa
 the rooms of training and export stay unknown to this one.
 """
 
+import codecs
 import importlib
 import importlib.metadata
+import io
 import logging
 import os
 import sys
@@ -38,6 +40,10 @@ EXTRAS = {
     "remote": {"fsspec"},
     "train": {"torch", "onnx", "onnxscript", "safetensors", "matplotlib"},
 }
+
+
+# Characters that the commands print and an encoding may lack; any other becomes "?".
+ASCII = {"→": "->", "…": "..."}
 
 
 class MissingExtra(click.ClickException):
@@ -132,6 +138,10 @@ def main() -> None:
     # Python has None in place of a stream that the caller closed.
     sys.stdin = sys.stdin or open(os.devnull)  # noqa: SIM115 (open until exit)
     sys.stdout = sys.stdout or open(os.devnull, "w")  # noqa: SIM115
+    codecs.register_error("ascii-like", _ascii_like)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="ascii-like")
     run: Callable[..., object] = commands
     try:
         status = run(standalone_mode=False)
@@ -153,6 +163,14 @@ def main() -> None:
         _drop_output()
         sys.exit(1)
     sys.exit(status if isinstance(status, int) else 0)
+
+
+def _ascii_like(error: UnicodeError) -> tuple[str, int]:
+    """Error handler of the standard streams: what a terminal's encoding lacks, in ASCII."""
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    text = error.object[error.start : error.end]
+    return "".join(ASCII.get(character, "?") for character in text), error.end
 
 
 def _comes_from_interrupt(error: BaseException | None) -> bool:

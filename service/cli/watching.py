@@ -32,7 +32,7 @@ class Watch:
         self.shown = shown and console.is_terminal and len(listing.first(2)) > 1
         self._listing = listing
         self._progress = Progress(
-            SpinnerColumn(),
+            SpinnerColumn("line"),  # in ASCII
             BarColumn(),
             MofNCompleteColumn(),
             TextColumn("{task.description}"),

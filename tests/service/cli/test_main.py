@@ -1,0 +1,30 @@
+"""What `meshconv3d` does whatever the command."""
+
+from pathlib import Path
+
+import pytest
+
+from meshconv3d.model.samples import sample_paths
+from tests.commands import sent_to_terminal
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "iso8859-1"])
+@pytest.mark.parametrize("command", ["classify", "evaluate"])
+def test_a_terminal_that_is_not_utf8(
+    model_file: Path, tmp_path: Path, encoding: str, command: str
+) -> None:
+    """Progress bar and table are printed in what the terminal has."""
+    (tmp_path / "ring").mkdir()
+    for name in ("glasses", "ants"):
+        (tmp_path / "ring" / f"\u017e\u2192{name}.ply").write_bytes(
+            sample_paths()[name].read_bytes()
+        )
+    call = ["classify", ".", "--model", model_file]
+    if command == "evaluate":
+        call = ["evaluate", model_file, "."]
+    status, sent = sent_to_terminal(
+        *call, cwd=tmp_path, variables={"PYTHONIOENCODING": encoding, "COLUMNS": "200"}
+    )
+    assert status == 1  # an OBJ is no PLY
+    assert b"Traceback" not in sent
+    assert b"?->ants.ply" in sent
