@@ -78,7 +78,7 @@ def run(model_name: str) -> Findings:
     meshes = [sample(), *map(load_mesh, sample_paths().values())]
     prepared = [prepare(mesh, config.face_budget)[0] for mesh in meshes]
     inputs = [collate([mesh_inputs(mesh, config)]) for mesh in prepared]
-    descriptors = 3 if config.surroundings else 2
+    descriptors = 3 if config.integral_invariants else 2
     widths = (descriptors * config.descriptor_channels, *config.channels)
     for level, width in enumerate(widths[: config.levels]):
         compare_sums(findings, inputs[0][f"patches_{level}"][:, 1:], width)

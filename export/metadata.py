@@ -11,13 +11,14 @@ from pydantic import ConfigDict, Field, TypeAdapter, ValidationError, model_vali
 from pydantic.dataclasses import dataclass
 
 from meshconv3d.model.calibration import Calibration
-from meshconv3d.model.config import NetworkConfig
+from meshconv3d.model.config import StoredConfig
 
 PREFIX = "meshconv3d."
-FORMAT_VERSION = 2
+FORMAT_VERSION = 3
+OLDEST_VERSION = 2
 NORMALISATION = "surface centroid at the origin, farthest vertex on the unit sphere"
 
-Version = Annotated[int, Field(ge=FORMAT_VERSION, le=FORMAT_VERSION)]
+Version = Annotated[int, Field(ge=OLDEST_VERSION, le=FORMAT_VERSION)]
 
 
 class ModelFileError(ValueError):
@@ -44,7 +45,7 @@ class ModelCard:
     """
 
     name: str
-    config: NetworkConfig
+    config: StoredConfig
     opset: int
     training: dict[str, Any]
     accuracy: dict[str, Any]
@@ -89,12 +90,13 @@ def read_card(properties: Mapping[str, str]) -> ModelCard:
             for name, value in properties.items()
             if name.startswith(PREFIX)
         }
-        if isinstance(version := values["format_version"], int) and version != FORMAT_VERSION:
-            # Before all else: what another version wrote need not look damaged to this one.
+        version = values["format_version"]
+        if isinstance(version, int) and not OLDEST_VERSION <= version <= FORMAT_VERSION:
+            # Checked first: another version's metadata may look damaged to this one.
             remedy = "upgrade meshconv3d" if version > FORMAT_VERSION else "export it again"
             raise ModelFileError(
-                f"the model file has format {version}, this version reads {FORMAT_VERSION}: "
-                f"{remedy}"
+                f"the model file has format {version}, this version reads {OLDEST_VERSION} to "
+                f"{FORMAT_VERSION}: {remedy}"
             )
         preparation = values.pop("preparation", "missing: preparation")
         card = TypeAdapter(ModelCard).validate_python(values)

@@ -41,12 +41,12 @@ def _extension() -> ModuleType:
         op_type="GrowPatches",
         inputs=[whole, precise],
         outputs=[whole],
-        attrs=dict.fromkeys(("patch_size", "self_padding"), kind.dt_int64),
+        attrs={"patch_size": kind.dt_int64},
     )(kernels.grow_patches)
     extension.onnx_op(
         op_type="PoolFaces",
         inputs=[real, whole, precise, whole],
-        outputs=[whole, whole, precise, whole],
-        attrs=dict.fromkeys(("target", "squared_norm", "survivor"), kind.dt_int64),
+        outputs=[whole, real, whole, precise, whole],
+        attrs=dict.fromkeys(("target", "squared_norm", "literal"), kind.dt_int64),
     )(kernels.pool_faces)
     return extension

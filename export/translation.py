@@ -26,20 +26,20 @@ def _operator(
     return Op(Opset(DOMAIN, VERSION), name, schema)
 
 
-_GROW_PATCHES = _operator("GrowPatches", [WHOLE, PRECISE], [WHOLE], ["patch_size", "self_padding"])
+_GROW_PATCHES = _operator("GrowPatches", [WHOLE, PRECISE], [WHOLE], ["patch_size"])
 _POOL_FACES = _operator(
     "PoolFaces",
     [REAL, WHOLE, PRECISE, WHOLE],
-    [WHOLE, WHOLE, PRECISE, WHOLE],
-    ["target", "squared_norm", "survivor"],
+    [WHOLE, REAL, WHOLE, PRECISE, WHOLE],
+    ["target", "squared_norm", "literal"],
 )
 
 
 # The exporter learns from these signatures which arguments are attributes.
 
 
-def _grow_patches(twin, lengths, patch_size: int, self_padding: int):
-    return _GROW_PATCHES(twin, lengths, patch_size=patch_size, self_padding=self_padding)
+def _grow_patches(twin, lengths, patch_size: int):
+    return _GROW_PATCHES(twin, lengths, patch_size=patch_size)
 
 
 def _pool_faces(
@@ -49,7 +49,7 @@ def _pool_faces(
     starts,
     target: int,
     squared_norm: int,
-    survivor: int,
+    literal: int,
 ):
     return _POOL_FACES(
         features,
@@ -58,7 +58,7 @@ def _pool_faces(
         starts,
         target=target,
         squared_norm=squared_norm,
-        survivor=survivor,
+        literal=literal,
     )
 
 

@@ -2,11 +2,19 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, fields
+from difflib import get_close_matches
 from types import MappingProxyType
 from typing import Annotated, Any, Literal
 
-from pydantic import ConfigDict, Field, TypeAdapter, ValidationError, model_validator
+from pydantic import (
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    TypeAdapter,
+    ValidationError,
+    model_validator,
+)
 from pydantic.dataclasses import dataclass
 
 from meshconv3d.model.topology import TopologyOptions
@@ -28,8 +36,6 @@ class NetworkConfig:
     """Faces of a prepared mesh: all three data sets of the paper have 500."""
     patch_size: Size = 10
     """K, the face itself included; the authors' setting."""
-    patch_padding: Literal["null", "self"] = "null"
-    """What fills the patch of a face whose component has fewer than K faces."""
     patch_reduction: Literal["mean", "sum"] = "mean"
     """How equation 4 gathers a patch."""
     channels: Sizes = (64, 128, 256)
@@ -47,16 +53,17 @@ class NetworkConfig:
     mesh's file."""
     absolute_offsets: bool = False
     """Take sum |v_i - c| for equation 1's first term, which as written is zero everywhere."""
-    surroundings: bool = False
-    """Whether a third descriptor reads what lies around each face, see
+    integral_invariants: bool = False
+    """Add a third descriptor that reads the surface around each face, across gaps, see
     `model.topology.integral_invariants`."""
     pooling: Literal["geometric", "learned"] = "geometric"
     """Which features weigh the faces in equation 5: the fixed ones of the input, or those that
     enter the pooling."""
     pooling_norm: Literal["squared", "plain"] = "squared"
     """Of the feature differences in equation 5."""
-    pooling_survivor: bool = True
-    """Whether a pooled face's average includes what it was itself."""
+    literal_pooling: bool = False
+    """Follow section III.C to the letter at borders and in the pooled average, see `pool_faces`;
+    needs learned pooling."""
     readout: Literal["mean", "mean-peak"] = "mean"
     """What is classified of the last level's features: their mean over the faces, or beside it one
     near the greatest of each channel, see `spread_peaks`."""
@@ -69,6 +76,8 @@ class NetworkConfig:
             raise ValueError("class names repeat")
         if len(self.channels) != len(self.targets):
             raise ValueError("channels and targets need one entry for each block")
+        if self.literal_pooling and self.pooling != "learned":
+            raise ValueError("literal_pooling needs pooling=learned")
         return self
 
     @property
@@ -77,31 +86,55 @@ class NetworkConfig:
 
     @property
     def topology_options(self) -> TopologyOptions:
-        """The topology stage's share of what is configured."""
-        return TopologyOptions(
-            self_padding=self.patch_padding == "self",
-            squared_norm=self.pooling_norm == "squared",
-            survivor=self.pooling_survivor,
-        )
+        """The settings of pooling."""
+        return TopologyOptions(self.pooling_norm == "squared", self.literal_pooling)
 
     def to_json(self) -> str:
         return json.dumps(asdict(self))
 
     @classmethod
     def from_json(cls, text: str) -> "NetworkConfig":
-        """Raises ValueError for anything that `to_json` did not write."""
-        return TypeAdapter(cls).validate_json(text)
+        """Read what `to_json` wrote, in this format version or the one before.
+
+        Raises ValueError for anything else.
+        """
+        return TypeAdapter(StoredConfig).validate_json(text)
 
 
-# Named networks; what differs from the defaults above.
+def _upgrade(values: Any) -> Any:
+    """Settings of format version 2 as those of version 3."""
+    if not isinstance(values, dict):
+        return values
+    values = {_RENAMED.get(name, name): value for name, value in values.items()}
+    for name, only in _REMOVED.items():
+        if values.pop(name, only) != only:
+            raise ValueError(f"the setting {name} no longer exists: train it again without")
+    return values
+
+
+# Settings that have another name now, and those that are gone, with the value all networks have.
+_RENAMED = {"surroundings": "integral_invariants"}
+_REMOVED = {"patch_padding": "null", "pooling_survivor": True}
+
+StoredConfig = Annotated[NetworkConfig, BeforeValidator(_upgrade)]
+"""A configuration in a file, of this format version or the one before."""
+
+# Named networks: what differs from the defaults above.
 PRESETS: dict[str, dict[str, Any]] = {
-    "paper": {},
-    "learned": {"pooling": "learned"},
+    "default": {},
     "objects": {
         "absolute_offsets": True,
-        "surroundings": True,
+        "integral_invariants": True,
         "readout": "mean-peak",
         "dropout": 0.3,
+    },
+    # The paper to the letter: sums over the K = 10 other faces, and no choice of ours.
+    "paper": {
+        "axes": "file",
+        "patch_size": 11,
+        "patch_reduction": "sum",
+        "pooling": "learned",
+        "literal_pooling": True,
     },
 }
 
@@ -117,6 +150,14 @@ def preset(
         raise ValueError(f"unknown preset {name!r}; there are {', '.join(PRESETS)}")
     if "classes" in settings:
         raise ValueError("classes: they are those of the data")
+    known = [field.name for field in fields(NetworkConfig)]
+    for setting in settings:
+        if setting not in known:
+            near = get_close_matches(setting, known, n=1, cutoff=0)
+            raise ValueError(
+                f"there is no setting {setting!r}; did you mean {near[0]!r}? "
+                f"There are {', '.join(known[1:])}"
+            )
     try:
         return NetworkConfig(**{**PRESETS[name], **settings, "classes": classes})
     except ValidationError as error:

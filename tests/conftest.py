@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-from meshconv3d.model.config import NetworkConfig
+from meshconv3d.model.config import PRESETS, NetworkConfig
 
 # Torch reads this when it is first imported. The matrices of tests are so small that handing
 # them to several threads costs more than multiplying them.
@@ -27,8 +27,8 @@ SMALL = NetworkConfig(
     descriptor_hidden=8,
     descriptor_channels=6,
 )
-# What lies around a face, and peaks: all that the preset of everyday objects adds.
-WIDER = replace(SMALL, absolute_offsets=True, surroundings=True, readout="mean-peak", dropout=0.3)
+# What the preset `objects` adds.
+WIDER = replace(SMALL, **PRESETS["objects"])
 SHARED_DATA = Path(__file__).parents[2] / "shared" / "data"
 
 
@@ -64,7 +64,7 @@ def config() -> NetworkConfig:
     return SMALL
 
 
-@pytest.fixture(params=[SMALL, WIDER], ids=["paper", "objects"])
+@pytest.fixture(params=[SMALL, WIDER], ids=["default", "objects"])
 def either(request: pytest.FixtureRequest) -> NetworkConfig:
     """That network, and one that reads all that can be read of a face."""
     return request.param

@@ -15,8 +15,8 @@ from meshconv3d.model.config import NetworkConfig
 from meshconv3d.model.files import write_whole
 from meshconv3d.model.nn.network import Network
 
-FORMAT_VERSION = 2
-
+FORMAT_VERSION = 3
+OLDEST_VERSION = 2
 
 _CALIBRATION = TypeAdapter(Calibration | None)
 _TRAINING = TypeAdapter(dict[str, Any])
@@ -54,18 +54,17 @@ def load_checkpoint(path: Path) -> Checkpoint:
     tensors, metadata = load_tensors(path)
     try:
         version = int(metadata["format_version"])
-        if version > FORMAT_VERSION:
+        if not OLDEST_VERSION <= version <= FORMAT_VERSION:
+            remedy = "upgrade meshconv3d" if version > FORMAT_VERSION else "train it again"
             raise CheckpointError(
-                f"{path} has checkpoint format {version}, this version reads {FORMAT_VERSION}: "
-                "upgrade meshconv3d"
-            )
-        if version < FORMAT_VERSION:
-            raise CheckpointError(
-                f"{path} has checkpoint format {version}, this version reads {FORMAT_VERSION}: "
-                "train it again"
+                f"{path} has checkpoint format {version}, this version reads {OLDEST_VERSION} to "
+                f"{FORMAT_VERSION}: {remedy}"
             )
         network = Network(NetworkConfig.from_json(metadata["config"]))
-        network.load_state_dict(tensors)
+        network.load_state_dict(
+            # The name in format version 2.
+            {k.replace("surroundings.", "integral_invariants."): v for k, v in tensors.items()}
+        )
         if not all(tensor.isfinite().all() for tensor in tensors.values()):
             raise ValueError("its weights are not all finite numbers; train it again")
         calibration = _CALIBRATION.validate_json(metadata["calibration"])

@@ -12,6 +12,7 @@ import torch
 from torch import Tensor
 
 from meshconv3d.model.config import NetworkConfig
+from meshconv3d.model.nn.layers import gather_mean, gather_rows
 from meshconv3d.model.nn.operators import grow_patches, pool_faces
 
 
@@ -23,10 +24,7 @@ class Level(Protocol):
         ...
 
     def pool(self, features: Tensor) -> tuple[Tensor, "Level"]:
-        """The index of this level's pooling, N_(l+1) x W_l int32, and the level that it makes.
-
-        features: N_l x C, those that enter the pooling.
-        """
+        """Pooled features, N_l x C -> N_(l+1) x C, and the next level."""
         ...
 
     def readout(self) -> Tensor:
@@ -56,7 +54,7 @@ class GivenLevel:
 
     def pool(self, features: Tensor) -> tuple[Tensor, "GivenLevel"]:
         rest = GivenLevel(self.later_patches[1:], self.later_pools[1:], self.last_readout)
-        return self.later_pools[0], rest
+        return gather_mean(features, self.later_pools[0]), rest
 
     def readout(self) -> Tensor:
         return self.last_readout
@@ -76,23 +74,23 @@ class GrownLevel:
     starts: Tensor
 
     def patches(self) -> Tensor:
-        options = self.config.topology_options
-        return grow_patches(self.twin, self.lengths, self.config.patch_size, options.self_padding)
+        return grow_patches(self.twin, self.lengths, self.config.patch_size)
 
     def pool(self, features: Tensor) -> tuple[Tensor, "GrownLevel"]:
         options = self.config.topology_options
         # Which faces collapse is a choice, and has no gradient; what they gather has one.
-        index, twin, lengths, starts = pool_faces(
+        index, shares, twin, lengths, starts = pool_faces(
             features.detach(),
             self.twin,
             self.lengths,
             self.starts,
             self.config.targets[self.number],
             options.squared_norm,
-            options.survivor,
+            options.literal,
         )
+        pooled = (gather_rows(features, index) * shares[:, :, None]).sum(dim=1)
         number = self.number + 1
-        return index, replace(self, number=number, twin=twin, lengths=lengths, starts=starts)
+        return pooled, replace(self, number=number, twin=twin, lengths=lengths, starts=starts)
 
     def readout(self) -> Tensor:
         first, counts = self.starts[:-1, None], self.starts.diff()[:, None]

@@ -12,7 +12,6 @@ from meshconv3d.model.config import NetworkConfig
 from meshconv3d.model.nn.layers import (
     Descriptor,
     PatchConvolution,
-    gather_mean,
     mesh_mean,
     spread_peaks,
 )
@@ -49,9 +48,9 @@ class Network(nn.Module):
         self.geodesic = Descriptor(3 * len(GEODESIC_TERMS), hidden, channels)
         self.geometric = Descriptor(3 * len(GEOMETRIC_TERMS), hidden, channels)
         self.descriptors = [self.geodesic, self.geometric]
-        if config.surroundings:
-            self.surroundings = Descriptor(MEASURES, hidden, channels)
-            self.descriptors.append(self.surroundings)
+        if config.integral_invariants:
+            self.integral_invariants = Descriptor(MEASURES, hidden, channels)
+            self.descriptors.append(self.integral_invariants)
         summed = config.patch_reduction == "sum"
         widths = (len(self.descriptors) * channels, *config.channels)
         self.blocks = nn.ModuleList(
@@ -95,8 +94,7 @@ class Network(nn.Module):
             assert isinstance(block, nn.ModuleList)
             for convolution in block:
                 features = convolution(features, patches)  # N_l x C
-            pool, level = level.pool(features)
-            features = gather_mean(features, pool)  # N_(l+1) x C
+            features, level = level.pool(features)  # N_(l+1) x C
         readout = level.readout()
         if self.config.readout == "mean-peak":
             features = torch.cat([features, spread_peaks(features, readout)], dim=1)

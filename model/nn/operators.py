@@ -12,13 +12,8 @@ from meshconv3d.model.topology import operators as kernels
 
 
 @torch.library.custom_op("meshconv3d::grow_patches", mutates_args=())
-def grow_patches(twin: Tensor, lengths: Tensor, patch_size: int, self_padding: int) -> Tensor:
-    patches = kernels.grow_patches(
-        twin.cpu().numpy(),
-        lengths.cpu().numpy(),
-        patch_size=patch_size,
-        self_padding=self_padding,
-    )
+def grow_patches(twin: Tensor, lengths: Tensor, patch_size: int) -> Tensor:
+    patches = kernels.grow_patches(twin.cpu().numpy(), lengths.cpu().numpy(), patch_size=patch_size)
     return torch.from_numpy(patches).to(twin.device)
 
 
@@ -30,8 +25,8 @@ def pool_faces(
     starts: Tensor,
     target: int,
     squared_norm: int,
-    survivor: int,
-) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    literal: int,
+) -> tuple[Tensor, Tensor, Tensor, Tensor, Tensor]:
     pooled = kernels.pool_faces(
         features.contiguous().cpu().numpy(),
         twin.cpu().numpy(),
@@ -39,17 +34,17 @@ def pool_faces(
         starts.cpu().numpy(),
         target=target,
         squared_norm=squared_norm,
-        survivor=survivor,
+        literal=literal,
     )
-    index, twin, lengths, starts = (torch.from_numpy(a).to(features.device) for a in pooled)
-    return index, twin, lengths, starts
+    index, shares, twin, lengths, starts = (torch.from_numpy(a).to(features.device) for a in pooled)
+    return index, shares, twin, lengths, starts
 
 
 # What the exporter, which runs no kernel, needs to know: shapes that depend on the data.
 
 
 @grow_patches.register_fake
-def _(twin: Tensor, lengths: Tensor, patch_size: int, self_padding: int) -> Tensor:
+def _(twin: Tensor, lengths: Tensor, patch_size: int) -> Tensor:
     return twin.new_empty(twin.shape[0] // 3, patch_size)
 
 
@@ -61,12 +56,13 @@ def _(
     starts: Tensor,
     target: int,
     squared_norm: int,
-    survivor: int,
-) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    literal: int,
+) -> tuple[Tensor, Tensor, Tensor, Tensor, Tensor]:
     context = torch.library.get_ctx()
     faces, width = context.new_dynamic_size(min=1), context.new_dynamic_size(min=1)
     return (
         twin.new_empty(faces, width),
+        features.new_empty(faces, width),
         twin.new_empty(3 * faces),
         lengths.new_empty(3 * faces),
         torch.empty_like(starts),

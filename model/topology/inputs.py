@@ -48,7 +48,7 @@ def terms_of(
     terms = descriptor_terms(
         vertices, faces, surface.twin, config.absolute_offsets, config.axes == "face"
     ).reshape(len(faces), -1)
-    if not config.surroundings:
+    if not config.integral_invariants:
         return terms
     return np.concatenate((terms, integral_invariants(vertices, faces)), axis=1)
 

@@ -43,7 +43,7 @@ def build_topology(
     for target in targets:
         if pools:
             features = gather_mean(features, pools[-1])
-        patches.append(surface.patches(patch_size, options))
-        surface, index = surface.pool(features, target, options)
+        patches.append(surface.patches(patch_size))
+        surface, index, _ = surface.pool(features, target, options)
         pools.append(index)
     return Topology(tuple(patches), tuple(pools))

@@ -13,14 +13,13 @@ from meshconv3d.model.topology.surface import Surface, TopologyOptions
 
 
 def grow_patches(
-    twin: NDArray[np.int32], lengths: NDArray[np.float64], *, patch_size: int, self_padding: int
+    twin: NDArray[np.int32], lengths: NDArray[np.float64], *, patch_size: int
 ) -> NDArray[np.int32]:
     """Patches of every face of a batch, N x K int32 of face + 1.
 
     twin, 3 N; lengths, 3 N: see `Surface`; twins count the half-edges of the whole batch.
     """
-    options = TopologyOptions(self_padding=bool(self_padding))
-    return Surface(twin, lengths).patches(patch_size, options)
+    return Surface(twin, lengths).patches(patch_size)
 
 
 def pool_faces(
@@ -31,14 +30,21 @@ def pool_faces(
     *,
     target: int,
     squared_norm: int,
-    survivor: int,
-) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.float64], NDArray[np.int32]]:
+    literal: int,
+) -> tuple[
+    NDArray[np.int32],
+    NDArray[np.float32],
+    NDArray[np.int32],
+    NDArray[np.float64],
+    NDArray[np.int32],
+]:
     """Collapse every mesh of a batch to `target` faces by features, N x C.
 
-    starts: B + 1, where each mesh's faces begin. Returns (index, twin, lengths, starts): the
-    pooling index, N' x W int32 of face + 1, and the pooled batch.
+    starts: B + 1, where each mesh's faces begin. Returns (index, shares, twin, lengths, starts):
+    the pooling index, N' x W int32 of face + 1; the share of each gathered face in the pooled
+    one, N' x W float32; and the pooled batch.
     """
-    options = TopologyOptions(squared_norm=bool(squared_norm), survivor=bool(survivor))
+    options = TopologyOptions(squared_norm=bool(squared_norm), literal=bool(literal))
     batch = SurfaceBatch(Surface(twin, lengths), starts)
-    pooled, index = batch.pool(features, target, options)
-    return index, pooled.joint.twin, pooled.joint.lengths, pooled.starts
+    pooled, index, shares = batch.pool(features, target, options)
+    return index, shares, pooled.joint.twin, pooled.joint.lengths, pooled.starts

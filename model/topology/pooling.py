@@ -28,38 +28,53 @@ Region = tuple[int, int, int, int]
 
 @kernel
 def pool_faces(
-    twin: NDArray[np.int32], features: NDArray, target: int, squared: bool, survivor: bool
-) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]:
+    twin: NDArray[np.int32], features: NDArray, target: int, squared: bool, literal: bool
+) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], NDArray[np.float64]]:
     """Collapse faces until `target` are left, or as few as the surface allows.
 
     twin: H int32, symmetric; no face is its own neighbour, no two faces share two sides.
     features: F x C floats, what equation 5 compares, by squared or plain Euclidean distance.
-    survivor: whether a surviving face that gathers removed ones counts among them itself.
-    Returns (kept, pooled_twin, index): kept, F' int32, the surviving faces in ascending order;
-    pooled_twin, 3 F' int32, their twins; index, F' x W int32 of face + 1, null-padded: the faces
-    whose mean a survivor becomes: itself, if it counts, then the removed faces that touched it.
-    Over several passes that is the union of what each pass gathers.
+    literal: follow the paper to the letter. In equation 5 a missing neighbour is the zero vector;
+    in step 5 each pass replaces a survivor of a region by the mean of its neighbours in that
+    region. Otherwise a missing neighbour counts as the mean of those that are there, and a
+    survivor becomes the mean of itself and all removed faces that touched it, over all passes.
+
+    Returns (kept, pooled_twin, index, shares): kept, F' int32, the surviving faces in ascending
+    order; pooled_twin, 3 F' int32, their twins; index, F' x W int32 of face + 1, null-padded, the
+    faces that a survivor gathers, by default itself first; shares, F' x W, the weight of each in
+    the survivor's feature. The shares of a row sum to 1; unless `literal`, they are equal.
     """
     faces = len(twin) // 3
     twin = twin.copy()
     alive = np.ones(faces, np.bool_)
     offsets = np.arange(faces + 1)
     members = np.arange(faces).astype(np.int32)
+    shares = np.ones(faces)
     living = faces
     while living > target:
-        weights = _weigh(twin, _average(features, offsets, members), alive, squared)
+        means = _average(features, offsets, members, shares, literal)
+        weights = _weigh(twin, means, alive, squared, literal)
         order = _ascending(weights, np.flatnonzero(alive))
-        touched, removed = _collapse_pass(twin, alive, order, living, target)
+        before = twin.copy()
+        touched, regions, removed = _collapse_pass(twin, alive, order, living, target)
         if removed == 0:
             break
         living -= removed
-        offsets, members = _gather_members(alive, touched, offsets, members, survivor)
-    return _compact(twin, alive, living, offsets, members)
+        if literal:
+            touched = _neighbours_in_region(before, regions)
+        offsets, members, shares = _gather_members(
+            alive, touched, offsets, members, shares, literal
+        )
+    return _compact(twin, alive, living, offsets, members, shares)
 
 
 @kernel
 def _average(
-    features: NDArray, offsets: NDArray[np.int64], members: NDArray[np.int32]
+    features: NDArray,
+    offsets: NDArray[np.int64],
+    members: NDArray[np.int32],
+    shares: NDArray[np.float64],
+    literal: bool,
 ) -> NDArray[np.float64]:
     means = np.zeros(features.shape)
     for f in range(len(features)):
@@ -67,7 +82,10 @@ def _average(
         for i in range(offsets[f], offsets[f + 1]):
             m = members[i]
             for c in range(features.shape[1]):
-                means[f, c] += features[m, c] if size == 1 else features[m, c] / size
+                if literal:
+                    means[f, c] += features[m, c] * shares[i]
+                else:
+                    means[f, c] += features[m, c] if size == 1 else features[m, c] / size
     return means
 
 
@@ -77,11 +95,12 @@ def _weigh(
     features: NDArray[np.float64],
     alive: NDArray[np.bool_],
     squared: bool,
+    literal: bool,
 ) -> NDArray[np.float64]:
     """Equation 5: summed feature distance to the three neighbours, infinite for dead faces.
 
     A missing neighbour counts as the mean of those that are there, so that a border is neither
-    eroded first nor kept for longest.
+    eroded first nor kept for longest; if `literal`, as the zero vector.
     """
     weights = np.full(len(features), np.inf)
     for f in range(len(features)):
@@ -90,13 +109,14 @@ def _weigh(
         total = 0.0
         present = 0
         for h in range(3 * f, 3 * f + 3):
-            if twin[h] < 0:
+            neighbour = twin[h] // 3
+            if neighbour < 0 and not literal:
                 continue
             present += 1
-            neighbour = twin[h] // 3
             distance = 0.0
             for c in range(features.shape[1]):
-                distance += (features[f, c] - features[neighbour, c]) ** 2
+                other = features[neighbour, c] if neighbour >= 0 else 0.0
+                distance += (features[f, c] - other) ** 2
             total += distance if squared else np.sqrt(distance)
         weights[f] = total * 3 / max(present, 1)
     return weights
@@ -143,14 +163,15 @@ def _collapse_pass(
     order: NDArray[np.int64],
     living: int,
     target: int,
-) -> tuple[NDArray[np.int32], int]:
+) -> tuple[NDArray[np.int32], NDArray[np.int32], int]:
     """Collapse every free region in `order` until `target`; updates twin and alive.
 
-    Returns (touched, removed): touched, F x 3 int32, the removed faces that lay behind each side
-    of a survivor, or -1; removed, how many faces this pass removed.
+    Returns (touched, regions, removed): touched, F x 3 int32, the removed faces that lay behind
+    each side of a survivor, or -1; regions, F int32, the collapsed face whose region each face
+    belongs to, or -1; removed, how many faces this pass removed.
     """
     faces = len(alive)
-    taken = np.zeros(faces, np.bool_)
+    regions = np.full(faces, -1, np.int32)
     touched = np.full((faces, 3), -1, np.int32)
     # What an attempt changed, to undo it: half-edges with their old twins, and faces killed.
     changed = np.empty(faces + 16, np.int32)
@@ -160,10 +181,10 @@ def _collapse_pass(
     for f in order:
         if living - total <= target:
             break
-        if taken[f]:
+        if regions[f] >= 0:
             continue
         region = (f, twin[3 * f] // 3, twin[3 * f + 1] // 3, twin[3 * f + 2] // 3)
-        if not _is_free(region, twin, taken):
+        if not _is_free(region, twin, regions):
             continue
         bridged = _bridge(twin, region, changed, old_twin)
         removed = 0
@@ -185,26 +206,37 @@ def _collapse_pass(
         for i in range(bridged):
             touched[changed[i] // 3, changed[i] % 3] = old_twin[i] // 3
         for i in range(changed_count):
-            taken[changed[i] // 3] = True
+            regions[changed[i] // 3] = f
         for i in range(killed_count):
-            taken[killed[i]] = True
-    return touched, total
+            regions[killed[i]] = f
+    return touched, regions, total
 
 
 @kernel
-def _is_free(region: Region, twin: NDArray[np.int32], taken: NDArray[np.bool_]) -> bool:
-    """Whether no face of the region or next to it is taken, and there is one next to it."""
+def _neighbours_in_region(twin: NDArray[np.int32], regions: NDArray[np.int32]) -> NDArray[np.int32]:
+    """The neighbours of each face that belong to the same region, or -1: F x 3 int32."""
+    neighbours = np.full((len(regions), 3), -1, np.int32)
+    for h in range(len(twin)):
+        f, neighbour = h // 3, twin[h] // 3
+        if neighbour >= 0 and regions[f] >= 0 and regions[neighbour] == regions[f]:
+            neighbours[f, h % 3] = neighbour
+    return neighbours
+
+
+@kernel
+def _is_free(region: Region, twin: NDArray[np.int32], regions: NDArray[np.int32]) -> bool:
+    """Whether the region and the faces next to it are free; False for a whole component."""
     survivors = False
     for o in region[1:]:
         if o < 0:
             continue
-        if taken[o]:
+        if regions[o] >= 0:
             return False
         for h in range(3 * o, 3 * o + 3):
             across = twin[h] // 3
             if across < 0:
                 continue
-            if taken[across]:
+            if regions[across] >= 0:
                 return False
             survivors |= not _contains(region, across)
     return survivors
@@ -320,23 +352,29 @@ def _gather_members(
     touched: NDArray[np.int32],
     offsets: NDArray[np.int64],
     members: NDArray[np.int32],
-    survivor: bool,
-) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
-    """Union of the members of the removed faces that each survivor touched with its own.
+    shares: NDArray[np.float64],
+    literal: bool,
+) -> tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.float64]]:
+    """Members of each survivor after a pass, without repeats, and their shares.
 
-    Without `survivor` its own are left out, unless it touched none.
+    A survivor takes over the members of the faces that it touched and keeps its own; if `literal`,
+    it keeps its own only where it touched none.
     """
     faces = len(alive)
     new_offsets = np.empty(faces + 1, np.int64)
-    # A removed face lies behind two sides of survivors at most.
-    new_members = np.empty(2 * len(members), np.int32)
+    # A face has at most three neighbours that take over its members.
+    new_members = np.empty(3 * len(members), np.int32)
+    new_shares = np.zeros(3 * len(members))
     listed_by = np.full(faces, -1, np.int32)
+    place = np.empty(faces, np.int64)
     count = 0
     for f in range(faces):
-        new_offsets[f] = count
+        first = count
+        new_offsets[f] = first
         if not alive[f]:
             continue
-        own = survivor or (touched[f] < 0).all()
+        own = not literal or (touched[f] < 0).all()
+        sources = own + (touched[f] >= 0).sum()
         for slot in range(0 if own else 1, 4):
             source = f if slot == 0 else touched[f, slot - 1]
             if source < 0:
@@ -346,9 +384,13 @@ def _gather_members(
                 if listed_by[m] != f:
                     listed_by[m] = f
                     new_members[count] = m
+                    place[m] = count
                     count += 1
+                new_shares[place[m]] += shares[i] / sources
+        if not literal:
+            new_shares[first:count] = 1.0 / (count - first)
     new_offsets[faces] = count
-    return new_offsets, new_members[:count]
+    return new_offsets, new_members[:count], new_shares[:count]
 
 
 @kernel
@@ -358,7 +400,8 @@ def _compact(
     living: int,
     offsets: NDArray[np.int64],
     members: NDArray[np.int32],
-) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]:
+    shares: NDArray[np.float64],
+) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32], NDArray[np.float64]]:
     """Number the survivors 0 to F' - 1 and pad their member lists to one width."""
     kept = np.empty(living, np.int32)
     number = np.full(len(alive), -1, np.int32)
@@ -372,6 +415,7 @@ def _compact(
             width = max(width, offsets[f + 1] - offsets[f])
     pooled_twin = np.full(3 * living, -1, np.int32)
     index = np.zeros((living, width), np.int32)
+    row_shares = np.zeros((living, width))
     for row in range(living):
         f = kept[row]
         for s in range(3):
@@ -380,7 +424,8 @@ def _compact(
                 pooled_twin[3 * row + s] = 3 * number[t // 3] + t % 3
         for column in range(offsets[f + 1] - offsets[f]):
             index[row, column] = members[offsets[f] + column] + 1
-    return kept, pooled_twin, index
+            row_shares[row, column] = shares[offsets[f] + column]
+    return kept, pooled_twin, index, row_shares
 
 
 @kernel

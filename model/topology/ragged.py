@@ -6,6 +6,7 @@ batch.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,18 +44,25 @@ class SurfaceBatch:
 
     def pool(
         self, features: NDArray, target: int, options: TopologyOptions
-    ) -> tuple["SurfaceBatch", NDArray[np.int32]]:
-        """Collapse every mesh to `target` faces by the features (N x C) that enter this pooling.
+    ) -> tuple["SurfaceBatch", NDArray[np.int32], NDArray[np.float32]]:
+        """Collapse every mesh to `target` faces by the features (N x C) that equation 5 compares.
 
-        Returns the pooled batch and its index into the rows of this one, N' x W int32.
+        Returns the pooled batch, its index into the rows of this one, N' x W int32, and the share
+        of each gathered face in the pooled one, N' x W float32.
         """
-        pooled, indices = [], []
-        for i, surface in enumerate(self.surfaces()):
-            own = features[self.starts[i] : self.starts[i + 1]]
-            smaller, index = surface.pool(own, target, options)
-            pooled.append(smaller)
-            indices.append(index)
-        return SurfaceBatch.of(pooled), join_indices(indices, self.starts[:-1])
+        pooled, indices, shares = zip(
+            *(
+                surface.pool(features[start:end], target, options)
+                for surface, (start, end) in zip(
+                    self.surfaces(), pairwise(self.starts), strict=True
+                )
+            ),
+            strict=True,
+        )
+        index = join_indices(indices, self.starts[:-1])
+        joined = np.zeros(index.shape, np.float32)
+        joined[index > 0] = np.concatenate([part[part > 0] for part in shares])
+        return SurfaceBatch.of(pooled), index, joined
 
 
 def join_indices(

@@ -13,15 +13,10 @@ from meshconv3d.model.topology.pooling import pool_faces
 
 @dataclass(frozen=True)
 class TopologyOptions:
-    """Options of patches and pooling where the paper leaves a choice.
+    """Options of pooling: `squared_norm` and `literal`, see `pool_faces`."""
 
-    self_padding: a short patch repeats its own face, instead of the null face. squared_norm and
-    survivor: see `pool_faces`.
-    """
-
-    self_padding: bool = False
     squared_norm: bool = True
-    survivor: bool = True
+    literal: bool = False
 
 
 DEFAULT_OPTIONS = TopologyOptions()
@@ -48,22 +43,20 @@ class Surface:
     def face_count(self) -> int:
         return len(self.twin) // 3
 
-    def patches(
-        self, patch_size: int, options: TopologyOptions = DEFAULT_OPTIONS
-    ) -> NDArray[np.int32]:
+    def patches(self, patch_size: int) -> NDArray[np.int32]:
         """F x K int32 of face + 1; see `grow_patches`."""
-        patches = grow_patches(sort_adjacency(self.twin, self.lengths), patch_size)
-        return np.where(patches == 0, patches[:, :1], patches) if options.self_padding else patches
+        return grow_patches(sort_adjacency(self.twin, self.lengths), patch_size)
 
     def pool(
         self, features: NDArray, target: int, options: TopologyOptions = DEFAULT_OPTIONS
-    ) -> tuple["Surface", NDArray[np.int32]]:
-        """Collapse to `target` faces by the features (F x C) that enter this pooling.
+    ) -> tuple["Surface", NDArray[np.int32], NDArray[np.float64]]:
+        """Collapse to `target` faces by the features (F x C) that equation 5 compares.
 
-        Returns the pooled surface and its index, F' x W int32 of face + 1; see `pool_faces`.
-        The caller chooses the features that equation 5 compares.
+        Returns the pooled surface, its index, F' x W int32 of face + 1, and the shares, F' x W
+        float64, of the gathered faces; see `pool_faces`.
         """
-        kept, twin, index = pool_faces(
-            self.twin, features, target, options.squared_norm, options.survivor
+        kept, twin, index, shares = pool_faces(
+            self.twin, features, target, options.squared_norm, options.literal
         )
-        return Surface(twin, self.lengths.reshape(-1, 3).take(kept, axis=0).reshape(-1)), index
+        lengths = self.lengths.reshape(-1, 3).take(kept, axis=0).reshape(-1)
+        return Surface(twin, lengths), index, shares

@@ -55,7 +55,7 @@ def _read_settings(
     "--preset",
     "preset_name",
     type=click.Choice(list(PRESETS)),
-    help="Network. [default: paper]",
+    help="Network. [default: default]",
 )
 @click.option(
     "--set",
@@ -207,7 +207,7 @@ def _config(
     if start:
         return replace(start.network.config, classes=classes)
     try:
-        return preset(preset_name or "paper", classes, settings)
+        return preset(preset_name or "default", classes, settings)
     except ValueError as error:
         raise click.UsageError(f"--set: {error}") from None
 

@@ -81,7 +81,7 @@ def explained_class(classes: Sequence[str], pooling: str, label: str | None) -> 
         raise NotExplained(
             "learned-pooling",
             "models with learned pooling keep to themselves which faces they gather; explain "
-            "with a model of the preset 'paper' or 'objects'",
+            "with a model of the preset 'default' or 'objects'",
         )
     if label is not None and label not in classes:
         raise NotExplained(

@@ -11,7 +11,7 @@ import torch
 from meshconv3d.export.onnx_file import export_model
 from meshconv3d.export.parity import OUTPUTS, TOLERANCE
 from meshconv3d.export.runtime import open_session
-from meshconv3d.model.config import NetworkConfig
+from meshconv3d.model.config import PRESETS, NetworkConfig
 from meshconv3d.model.mesh import Mesh
 from meshconv3d.model.nn.checkpoint import Checkpoint
 from meshconv3d.model.nn.network import Network, as_tensors
@@ -47,19 +47,14 @@ CONFIGS = {
     },
     "all that can be read of a face": {
         "absolute_offsets": True,
-        "surroundings": True,
+        "integral_invariants": True,
         "readout": "mean-peak",
         "dropout": 0.3,
     },
     "four levels": {"channels": (8, 8, 12, 12), "targets": (400, 300, 200, 50)},
     "learned pooling": {"pooling": "learned"},
-    "learned pooling, read otherwise": {
-        "pooling": "learned",
-        "pooling_norm": "plain",
-        "pooling_survivor": False,
-        "patch_padding": "self",
-        "patch_reduction": "sum",
-    },
+    "learned pooling, plain norm": {"pooling": "learned", "pooling_norm": "plain"},
+    "the paper to the letter": PRESETS["paper"],
 }
 
 # What a graph may consist of: gathers, arithmetic, matrix products, and matters of shape.

@@ -20,6 +20,7 @@ from meshconv3d.service.cli.main import commands
         {"convolutions": 0},
         {"pooling": "learnt"},
         {"patchsize": 10},
+        {"literal_pooling": True},
     ],
 )
 def test_impossible_settings_are_refused(changes):
@@ -39,9 +40,21 @@ def test_other_json_is_refused(text):
 
 def test_settings_go_over_a_preset():
     config = preset("objects", ("ball", "box"), {"patch_size": 16, "dropout": 0.1})
-    assert (config.patch_size, config.dropout, config.surroundings) == (16, 0.1, True)
-    with pytest.raises(ValueError, match=r"patch_size: Input should be greater.*wide: Unexpected"):
-        preset("paper", ("ball", "box"), {"patch_size": 0, "wide": True})
+    assert (config.patch_size, config.dropout, config.integral_invariants) == (16, 0.1, True)
+    with pytest.raises(ValueError, match=r"patch_size: Input should be greater.*dropout: Input"):
+        preset("default", ("ball", "box"), {"patch_size": 0, "dropout": 2})
+
+
+def test_the_preset_paper_is_the_letter():
+    config = preset("paper", ("ball", "box"))
+    assert config.axes == "file"
+    assert (config.patch_size, config.patch_reduction) == (10 + 1, "sum")
+    assert (config.pooling, config.pooling_norm, config.literal_pooling) == (
+        "learned",
+        "squared",
+        True,
+    )
+    assert (config.convolutions, config.targets, config.readout) == (1, (400, 300, 200), "mean")
 
 
 @pytest.mark.parametrize(
@@ -49,6 +62,8 @@ def test_settings_go_over_a_preset():
     [
         ("patch_size", "'patch_size' is not NAME=VALUE"),
         ("patch_size=none", "--set: patch_size: Input should be a valid integer"),
+        ("patchsize=4", "there is no setting 'patchsize'; did you mean 'patch_size'?"),
+        ("zzz=1", "There are face_budget, patch_size,"),
         ("pooling=best", "--set: pooling: Input should be 'geometric' or 'learned'"),
     ],
 )

@@ -1,6 +1,7 @@
 """Checkpoints come back as they were, and other files are refused."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -17,6 +18,7 @@ from meshconv3d.model.nn.checkpoint import (
     save_checkpoint,
     save_tensors,
 )
+from tests.conftest import WIDER
 from tests.networks import untrained
 
 CALIBRATION = Calibration(temperature=0.7, novelty_limit=12.5, meshes=90)
@@ -141,7 +143,7 @@ def test_weights_that_do_not_fit_their_configuration_are_refused(config, saved):
 
 
 def test_a_newer_format_is_refused_with_the_way_out(saved):
-    with pytest.raises(CheckpointError, match=r"format 3.*upgrade meshconv3d"):
+    with pytest.raises(CheckpointError, match=rf"format {FORMAT_VERSION + 1}.*upgrade meshconv3d"):
         load_checkpoint(resaved(saved, format_version=str(FORMAT_VERSION + 1)))
 
 
@@ -157,3 +159,24 @@ def test_an_older_format_is_refused_with_the_way_out(saved):
 
 def test_the_calibration_comes_back(saved):
     assert load_checkpoint(saved).calibration == CALIBRATION
+
+
+def test_format_version_2_is_read(tmp_path):
+    config = replace(WIDER, channels=(4, 4, 4))
+    path = tmp_path / "model.safetensors"
+    save_checkpoint(Checkpoint(untrained(config)), path)
+    tensors, metadata = load_tensors(path)
+    settings = json.loads(metadata["config"])
+    settings["surroundings"] = settings.pop("integral_invariants")
+    old = {"patch_padding": "null", "pooling_survivor": True}
+    tensors = {
+        name.replace("integral_invariants", "surroundings"): v for name, v in tensors.items()
+    }
+    metadata |= {"format_version": "2", "config": json.dumps(settings | old)}
+    save_tensors(tensors, metadata, path)
+    assert load_checkpoint(path).network.config == config
+    save_tensors(
+        tensors, metadata | {"config": json.dumps(settings | {"pooling_survivor": False})}, path
+    )
+    with pytest.raises(CheckpointError, match="pooling_survivor no longer exists"):
+        load_checkpoint(path)

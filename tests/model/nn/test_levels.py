@@ -3,6 +3,7 @@
 from itertools import pairwise
 
 import numpy as np
+import pytest
 import torch
 
 from meshconv3d.model.config import NetworkConfig
@@ -10,6 +11,7 @@ from meshconv3d.model.nn.levels import GivenLevel, GrownLevel, first_level
 from meshconv3d.model.nn.network import Network, as_tensors
 from meshconv3d.model.topology import Surface
 from meshconv3d.model.topology.inputs import collate, mesh_inputs
+from meshconv3d.model.topology.pooling import gather_mean
 from meshconv3d.model.topology.ragged import join_indices
 from tests.meshes import icosphere, sheet, torus
 
@@ -41,16 +43,18 @@ def test_every_level_pools_by_the_features_it_is_given() -> None:
     rng = np.random.default_rng(0)
     for target in LEARNED.targets:
         starts = np.cumsum([0, *(surface.face_count for surface in surfaces)])
-        expected = [surface.patches(LEARNED.patch_size) for surface in surfaces]
-        assert (level.patches().numpy() == join_indices(expected, starts[:-1])).all()
+        patches = [surface.patches(LEARNED.patch_size) for surface in surfaces]
+        assert (level.patches().numpy() == join_indices(patches, starts[:-1])).all()
         rows = [range(start, end) for start, end in pairwise(starts)]
         named = [set(row[row > 0] - 1) for row in level.readout().numpy()]
         assert named == [set(row) for row in rows]
         features = rng.normal(size=(starts[-1], 4)).astype(np.float32)
         pooled = [s.pool(features[row], target) for s, row in zip(surfaces, rows, strict=True)]
-        index, level = level.pool(torch.from_numpy(features))
-        assert (index.numpy() == join_indices([i for _, i in pooled], starts[:-1])).all()
-        surfaces = [surface for surface, _ in pooled]
+        index = join_indices([i for _, i, _ in pooled], starts[:-1])
+        expected = gather_mean(features, index)
+        found, level = level.pool(torch.from_numpy(features))
+        assert found.numpy() == pytest.approx(expected, abs=1e-6)
+        surfaces = [surface for surface, _, _ in pooled]
 
 
 def test_other_features_collapse_other_faces() -> None:

@@ -49,7 +49,7 @@ def pool_levels(surface: Surface, features: np.ndarray, targets: list[int]) -> l
     """Pool level by level, checking each; the face counts."""
     counts = [surface.face_count]
     for target in targets:
-        pooled, index = surface.pool(features, target)
+        pooled, index, _ = surface.pool(features, target)
         check_level(surface, pooled, index, target)
         surface, features = pooled, gather_mean(features, index)
         counts.append(surface.face_count)
@@ -73,7 +73,7 @@ def test_where_all_faces_are_alike_the_levels_are_sound_too(surface, target, see
 def test_no_component_disappears(surface, seed):
     start = Surface.of(surface.mesh())
     features = np.random.default_rng(seed).random((start.face_count, 2))
-    _, index = start.pool(features, 1)
+    _, index, _ = start.pool(features, 1)
     survivors = {*(index[:, 0] - 1).tolist()}
     for patch in start.patches(start.face_count):
         assert survivors & {f - 1 for f in patch.tolist() if f}

@@ -3,6 +3,7 @@
 from collections import defaultdict
 
 import numpy as np
+import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
@@ -65,23 +66,32 @@ def merge_corners(faces: dict[int, tuple], centre: int) -> dict[int, tuple]:
     return {f: merged[f] for pile in lying.values() if len(pile) == 1 for f in pile}
 
 
+def average(rows: list[dict[int, float]]) -> dict[int, float]:
+    """The mean of features that are themselves weighted sums, as {face: share}."""
+    mean = defaultdict(float)
+    for row in rows:
+        for m, share in row.items():
+            mean[m] += share / len(rows)
+    return dict(mean)
+
+
 def pool_by_the_paper(
-    faces: dict[int, tuple], features, target, squared=True, survivor=True
+    faces: dict[int, tuple], features, target, squared, literal
 ) -> tuple[dict, dict]:
     """Steps 1 to 6, one face after the other.
 
-    Returns {survivor: the faces whose mean it becomes} and {survivor: its neighbours}.
+    Returns {survivor: {face that it gathers: its share}} and {survivor: its neighbours}.
     """
-    members = {f: {f} for f in faces}
+    members = {f: {f: 1.0} for f in faces}
     while len(faces) > target:
         near = neighbours_by_dictionary(faces)
-        mean = {f: np.mean([features[m] for m in members[f]], axis=0) for f in faces}
+        mean = {f: sum(w * features[m] for m, w in members[f].items()) for f in faces}
         power = 2 if squared else 1
         weight = {
             f: sum(np.linalg.norm(mean[f] - mean[n]) ** power for n in near[f]) for f in faces
         }
         marked: set[int] = set()
-        left, gathered = faces, {f: set(members[f]) for f in faces}
+        left, gathered = faces, dict(members)
         for f in sorted(faces, key=lambda f: (weight[f], f)):
             if len(left) <= target:
                 break
@@ -93,12 +103,16 @@ def pool_by_the_paper(
             if not trial or len(trial) < target - SLACK:
                 continue
             before, after = neighbours_by_dictionary(left), neighbours_by_dictionary(trial)
-            marked |= region | {g for g in left if before[g] != after.get(g)}
-            for g in region - gone:
-                if not survivor:
-                    gathered[g] = set()
-                for n in near[g] & gone:
-                    gathered[g] |= members[n]
+            touched = region - gone
+            region |= {g for g in left if before[g] != after.get(g)}
+            marked |= region
+            if literal:
+                for g in region & trial.keys():
+                    gathered[g] = average([members[n] for n in near[g] & region])
+            else:
+                for g in touched:
+                    union = {*members[g]}.union(*(members[n] for n in near[g] & gone))
+                    gathered[g] = dict.fromkeys(union, 1 / len(union))
             left = trial
         if left is faces:
             break
@@ -106,13 +120,15 @@ def pool_by_the_paper(
     return {f: members[f] for f in faces}, neighbours_by_dictionary(faces)
 
 
-def pool_by_kernel(faces, features, target, squared=True, survivor=True) -> tuple[dict, dict]:
+def pool_by_kernel(faces, features, target, squared, literal) -> tuple[dict, dict]:
     """The same two dictionaries from the half-edge kernel."""
     twin, _, _ = find_twins(faces, int(faces.max()) + 1)
-    kept, twin, index = pool_faces(twin, features, target, squared, survivor)
+    kept, twin, index, shares = pool_faces(twin, features, target, squared, literal)
     members, near = {}, {}
     for row, f in enumerate(kept.tolist()):
-        members[f] = {m - 1 for m in index[row].tolist() if m}
+        named = index[row] > 0
+        assert (shares[row, ~named] == 0).all()
+        members[f] = dict(zip((index[row, named] - 1).tolist(), shares[row, named], strict=True))
         near[f] = {int(kept[t // 3]) for t in twin[3 * row : 3 * row + 3]}
     return members, near
 
@@ -124,36 +140,42 @@ def pool_by_kernel(faces, features, target, squared=True, survivor=True) -> tupl
     st.booleans(),
     st.booleans(),
 )
-def test_pooling_is_the_papers_selection_and_merges_corners(
-    surface, seed, share, squared, survivor
-):
+def test_pooling_is_the_papers_selection_and_merges_corners(surface, seed, share, squared, literal):
     faces = surface.faces
     features = np.random.default_rng(seed).random((len(faces), 3))
     target = round(share * len(faces))
     try:
-        expected = pool_by_the_paper(
-            dict(enumerate(faces.tolist())), features, target, squared, survivor
+        expected, neighbours = pool_by_the_paper(
+            dict(enumerate(faces.tolist())), features, target, squared, literal
         )
     except NotSimple:
         assume(False)
         raise
-    assert pool_by_kernel(faces, features, target, squared, survivor) == expected
+    found, found_neighbours = pool_by_kernel(faces, features, target, squared, literal)
+    assert found_neighbours == neighbours
+    assert found.keys() == expected.keys()
+    for f, row in expected.items():
+        assert found[f] == pytest.approx(row)
 
 
-def test_the_first_face_to_collapse_is_most_like_the_neighbours_it_has():
+@pytest.mark.parametrize("literal", [False, True])
+def test_the_first_face_to_collapse_is_most_like_the_neighbours_it_has(literal):
     faces = sheet(6, 6).faces
     twin, _, _ = find_twins(faces, int(faces.max()) + 1)
     near = [[t // 3 for t in row if t >= 0] for row in twin.reshape(-1, 3)]
-    at_border = set()
-    for seed in range(60):
+    at_border, each = set(), range(len(faces))
+    for seed in range(200 if literal else 60):
         features = np.random.default_rng(seed).random((len(faces), 2))
-        # A missing neighbour counts as the mean of the others.
-        weights = [
-            np.mean([np.sum((features[f] - features[n]) ** 2) for n in near[f]])
-            for f in range(len(faces))
-        ]
-        kept, _, _ = pool_faces(twin, features, len(faces) - 1, True, True)
+        distances = [[np.sum((features[f] - features[n]) ** 2) for n in near[f]] for f in each]
+        if literal:
+            # A missing neighbour is the zero vector.
+            missing = [(3 - len(near[f])) * np.sum(features[f] ** 2) for f in each]
+            weights = np.array(missing) + [sum(row) for row in distances]
+        else:
+            # A missing neighbour counts as the mean of the others.
+            weights = np.array([np.mean(row) for row in distances])
+        kept, _, _, _ = pool_faces(twin, features, len(faces) - 1, True, literal)
         lightest = int(np.argmin(weights))
         at_border.add(len(near[lightest]) < 3)
-        assert {*range(len(faces))} - {*kept} >= {lightest, *near[lightest]}
+        assert {*each} - {*kept} >= {lightest, *near[lightest]}
     assert at_border == {True, False}

@@ -32,39 +32,38 @@ def test_no_twin_crosses_from_mesh_to_mesh() -> None:
 
 @pytest.mark.parametrize("target", [3, 40, 10_000])
 @pytest.mark.parametrize(
-    "options", [DEFAULT_OPTIONS, TopologyOptions(squared_norm=False, survivor=False)]
+    "options", [DEFAULT_OPTIONS, TopologyOptions(squared_norm=False, literal=True)]
 )
 def test_a_batch_pools_each_mesh_as_alone(target: int, options: TopologyOptions) -> None:
     features = features_of()
-    index, twin, lengths, starts = pool_faces(
+    index, shares, twin, lengths, starts = pool_faces(
         features,
         SurfaceBatch.of(SURFACES).joint.twin,
         SurfaceBatch.of(SURFACES).joint.lengths,
         STARTS.astype(np.int32),
         target=target,
         squared_norm=int(options.squared_norm),
-        survivor=int(options.survivor),
+        literal=int(options.literal),
     )
     alone = [
         surface.pool(features[start:end], target, options)
         for surface, start, end in zip(SURFACES, STARTS[:-1], STARTS[1:], strict=True)
     ]
-    assert starts.tolist() == np.cumsum([0, *(s.face_count for s, _ in alone)]).tolist()
-    assert (index == join_indices([i for _, i in alone], STARTS[:-1])).all()
+    assert starts.tolist() == np.cumsum([0, *(s.face_count for s, _, _ in alone)]).tolist()
+    assert (index == join_indices([i for _, i, _ in alone], STARTS[:-1])).all()
+    assert shares.sum(axis=1) == pytest.approx(1)
+    for row, (_, _, expected) in zip(np.split(shares, starts[1:-1]), alone, strict=True):
+        assert row[:, : expected.shape[1]] == pytest.approx(expected)
     pooled = SurfaceBatch(Surface(twin, lengths), starts).surfaces()
-    for (expected, _), found in zip(alone, pooled, strict=True):
+    for (expected, _, _), found in zip(alone, pooled, strict=True):
         assert (expected.twin == found.twin).all()
         assert (expected.lengths == found.lengths).all()
 
 
-@pytest.mark.parametrize("self_padding", [0, 1])
-def test_a_batch_grows_the_patches_of_each_mesh(self_padding: int) -> None:
+def test_a_batch_grows_the_patches_of_each_mesh() -> None:
     joint = SurfaceBatch.of(SURFACES).joint
-    patches = grow_patches(joint.twin, joint.lengths, patch_size=14, self_padding=self_padding)
-    options = TopologyOptions(self_padding=bool(self_padding))
-    alone = [surface.patches(14, options) for surface in SURFACES]
+    patches = grow_patches(joint.twin, joint.lengths, patch_size=14)
+    alone = [surface.patches(14) for surface in SURFACES]
     assert (patches == join_indices(alone, STARTS[:-1])).all()
     # The cube has twelve faces, so that two are missing.
-    of_cube = patches[STARTS[2] : STARTS[3]]
-    own = np.arange(STARTS[2], STARTS[3])[:, None] + 1
-    assert (of_cube[:, 12:] == (own if self_padding else 0)).all()
+    assert (patches[STARTS[2] : STARTS[3], 12:] == 0).all()

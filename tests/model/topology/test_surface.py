@@ -35,7 +35,7 @@ def test_levels_follow_on_from_each_other(surface, size, targets, seed):
     assert len(topology.patches) == len(topology.pools) == len(targets)
     assert counts[0] == len(surface.faces)
     for level, target in enumerate(targets):
-        pooled, index = start.pool(features, target)
+        pooled, index, _ = start.pool(features, target)
         assert (topology.patches[level] == start.patches(size)).all()
         assert (topology.pools[level] == index).all()
         assert topology.patches[level].shape == (counts[level], size)

@@ -55,7 +55,7 @@ def test_a_run_begins_with_the_network_of_another(first: Path, tmp_path: Path) -
     assert "other settings or data" in other.stderr
 
 
-@pytest.mark.parametrize("options", [("--preset", "paper"), ("--set", "patch_size=4")])
+@pytest.mark.parametrize("options", [("--preset", "default"), ("--set", "patch_size=4")])
 def test_a_network_is_named_once(first: Path, tmp_path: Path, options: tuple[str, ...]) -> None:
     result = train(first.parent / "data", tmp_path / "run", "--from", first, *options)
     assert result.exit_code == 2
