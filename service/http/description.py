@@ -1,10 +1,11 @@
 """What the API's description says of bodies and errors that the routes handle by themselves."""
 
+import msgspec
 from pydantic import BaseModel
 
 from meshconv3d.model.loading import FORMATS
 from meshconv3d.service.http.problems import PROBLEM_JSON, Problem
-from meshconv3d.service.http.tensors_in import JSON_LENGTH, InferenceRequest
+from meshconv3d.service.http.tensors import JSON_LENGTH, InferenceRequest
 
 BINARY = {"type": "string", "format": "binary"}
 
@@ -25,9 +26,10 @@ FILE_BODY = {
 }
 FILES_BODY = {"required": True, "content": _form({"type": "array", "items": BINARY, "minItems": 1})}
 
-# The models that an infer request refers to, and its two forms.
-_REQUEST = InferenceRequest.model_json_schema(ref_template="#/components/schemas/{model}")
-INFERENCE_SCHEMAS = {**_REQUEST.pop("$defs"), "InferenceRequest": _REQUEST}
+# The JSON of an infer request, and its two forms.
+_, INFERENCE_SCHEMAS = msgspec.json.schema_components(
+    [InferenceRequest], ref_template="#/components/schemas/{name}"
+)
 INFERENCE_REQUEST = {
     "parameters": [
         {

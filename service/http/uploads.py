@@ -1,18 +1,26 @@
-"""The bytes of an upload, from a multipart form or the raw body."""
+"""Reads the bytes of an upload from a multipart form or a raw body, as they arrive.
 
+No step costs the event loop more than the chunk that has just arrived, and no byte is held twice.
+"""
+
+import io
+import re
+import sys
+from collections.abc import AsyncIterator
 from dataclasses import dataclass
 from pathlib import PurePath
+from urllib.parse import unquote_to_bytes
 
 from fastapi import Request
-from starlette.datastructures import FormData, UploadFile
-from starlette.formparsers import MultiPartException, MultiPartParser
+from python_multipart.exceptions import FormParserError
+from python_multipart.multipart import MultipartParser, parse_options_header
 
 from meshconv3d.model.errors import MalformedFile, UnknownFormat
 from meshconv3d.model.loading import FORMATS
 from meshconv3d.service.http.errors import TooManyMeshes
 
 MULTIPART = "multipart/form-data"
-# Types that say nothing of the format: the name, if any, and the content decide.
+# Media types that say nothing about the format: the name, if any, and the content decide.
 # (curl --data-binary declares a form unless told otherwise.)
 OPAQUE_TYPES = {
     "",
@@ -20,26 +28,64 @@ OPAQUE_TYPES = {
     "application/x-www-form-urlencoded",
     "binary/octet-stream",
 }
+# Parts of a form beside its files, which are ignored.
+MAX_OTHER_PARTS = 10
+# Longest header of a part: a name of 255 bytes has 765 in percent encoding.
+MAX_HEADER_BYTES = 2048
+# Longest boundary of a form (RFC 2046, 5.1.1).
+MAX_BOUNDARY = 70
+UTF8 = {b"utf-8", b"utf8"}
+
+# The name as RFC 5987 writes it: filename*=UTF-8''l%C3%A4mp.obj
+_EXTENDED_NAME = re.compile(rb";\s*filename\*\s*=\s*([^;\s]*)", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
 class Upload:
-    """One uploaded file. name: as declared; declared: what tells its format, or None."""
+    """One uploaded file. name: as declared; declared: the format it is declared as, or None."""
 
     content: bytes
     name: str | None
     declared: str | None
 
 
-async def read_upload(request: Request) -> Upload:
-    """The mesh in a request: the multipart field `file`, or a raw body with a media type.
+class BodyReader:
+    """Reads a request body piece by piece."""
 
-    Raises MalformedFile for a form without that field, TooManyMeshes for several, UnknownFormat
-    for another media type or an encoding.
+    def __init__(self, request: Request) -> None:
+        refuse_encoding(request)
+        self._chunks = request.stream()
+        self._rest = memoryview(b"")
+
+    async def chunks(self) -> AsyncIterator[bytes]:
+        """The body as it arrives."""
+        async for chunk in self._chunks:
+            yield chunk
+
+    async def read(self, count: int) -> bytes:
+        """The next `count` bytes, or all that is left where that is less."""
+        content = io.BytesIO()  # hands its bytes over without a copy
+        while count > 0:
+            if not self._rest:
+                chunk = await anext(self._chunks, None)
+                if chunk is None:
+                    break
+                self._rest = memoryview(chunk)
+            content.write(self._rest[:count])
+            taken = min(count, len(self._rest))
+            self._rest, count = self._rest[taken:], count - taken
+        return content.getvalue()
+
+
+async def read_upload(request: Request) -> Upload:
+    """The mesh of a request: the form field `file`, or a raw body with a media type.
+
+    Raises MalformedFile for a form without that field, TooManyMeshes for several files,
+    UnknownFormat for another media type, an encoding, or a form that is not UTF-8.
     """
     media_type = _media_type(request)
     if media_type == MULTIPART:
-        [upload] = _uploads(await _read_form(request, 1))
+        [upload] = await read_form(request, 1)
         return upload
     if media_type in OPAQUE_TYPES:
         return Upload(await read_body(request), None, None)
@@ -54,17 +100,145 @@ async def read_upload(request: Request) -> Upload:
     )
 
 
+async def read_uploads(request: Request, most: int) -> list[Upload]:
+    """The meshes of a form: every field `file`, in order, at most `most`.
+
+    Raises as `read_upload`.
+    """
+    if _media_type(request) != MULTIPART:
+        raise UnknownFormat(
+            "unknown-media-type", "several meshes come as a form with one field 'file' for each"
+        )
+    return await read_form(request, most)
+
+
 async def read_body(request: Request) -> bytes:
-    """The body of a request as it is. Raises UnknownFormat for an encoding."""
-    _refuse_encoding(request)
-    return await request.body()
+    """The whole body. Raises UnknownFormat for an encoding."""
+    return await BodyReader(request).read(sys.maxsize)
 
 
-def _media_type(request: Request) -> str:
-    return request.headers.get("content-type", "").partition(";")[0].strip().lower()
+async def read_form(request: Request, most: int) -> list[Upload]:
+    """The files in the fields `file` of a form, at least one and at most `most`."""
+    _, options = parse_options_header(request.headers["content-type"])
+    _check_charset(options.get(b"charset", b"utf-8"))
+    boundary = options.get(b"boundary", b"")
+    if not 0 < len(boundary) <= MAX_BOUNDARY:
+        raise _bad_form(f"its content type names no boundary of 1 to {MAX_BOUNDARY} characters")
+    form = _Form(boundary, most)
+    try:
+        async for chunk in BodyReader(request).chunks():
+            form.feed(chunk)
+    except FormParserError as error:
+        raise _bad_form(str(error)) from None
+    if not form.complete:
+        raise _bad_form("it is cut off before its last boundary")
+    if not form.files:
+        raise MalformedFile(
+            "no-file-field", "the form has no file in the field 'file': curl -F file=@mesh.obj"
+        )
+    # A name without an extension declares no format: the content decides, as for a path.
+    return [
+        Upload(content.getvalue(), name or None, PurePath(name).suffix or None)
+        for name, content in form.files
+    ]
 
 
-def _refuse_encoding(request: Request) -> None:
+class _Form:
+    """The files of a form, as its parser reports them part by part."""
+
+    def __init__(self, boundary: bytes, most: int) -> None:
+        self.files: list[tuple[str, io.BytesIO]] = []
+        self.complete = False
+        self._most = most
+        self._others = 0
+        self._field, self._value, self._disposition = b"", b"", b""
+        self._content: io.BytesIO | None = None
+        self._parser = MultipartParser(
+            boundary,
+            {
+                "on_part_begin": self._begin_part,
+                "on_header_field": self._add_to_field,
+                "on_header_value": self._add_to_value,
+                "on_header_end": self._end_header,
+                "on_headers_finished": self._end_headers,
+                "on_part_data": self._add_content,
+                "on_end": self._end,
+            },
+            max_header_size=MAX_HEADER_BYTES,
+        )
+
+    def feed(self, chunk: bytes) -> None:
+        """Parse the next bytes. Raises FormParserError, TooManyMeshes or MalformedFile."""
+        self._parser.write(chunk)
+
+    def _begin_part(self) -> None:
+        self._disposition = b""
+
+    def _add_to_field(self, data: bytes, start: int, end: int) -> None:
+        self._field += data[start:end]
+
+    def _add_to_value(self, data: bytes, start: int, end: int) -> None:
+        self._value += data[start:end]
+
+    def _end_header(self) -> None:
+        if self._field.lower() == b"content-disposition":
+            self._disposition = self._value
+        self._field, self._value = b"", b""
+
+    def _end_headers(self) -> None:
+        _, options = parse_options_header(self._disposition)
+        name = _extended_name(self._disposition)
+        if name is None and b"filename" in options:
+            name = options[b"filename"].decode(errors="replace")
+        self._content = None
+        if name is not None and options.get(b"name") == b"file":
+            self._content = io.BytesIO()
+            self.files.append((name, self._content))
+        else:
+            self._others += 1
+        if len(self.files) > self._most:
+            raise TooManyMeshes(self._most)
+        if self._others > MAX_OTHER_PARTS:
+            raise _bad_form(f"it has more than {MAX_OTHER_PARTS} other fields")
+
+    def _add_content(self, data: bytes, start: int, end: int) -> None:
+        if self._content is not None:
+            self._content.write(data[start:end])
+
+    def _end(self) -> None:
+        self.complete = True
+
+
+def _extended_name(disposition: bytes) -> str | None:
+    """The name of a file as RFC 5987 writes it, or None.
+
+    What is not UTF-8 in it becomes a replacement character.
+    """
+    unquoted = b"".join(disposition.split(b'"')[::2])
+    found = _EXTENDED_NAME.search(unquoted)
+    if found is None:
+        return None
+    charset, *_, encoded = found[1].split(b"'")
+    _check_charset(charset)
+    return unquote_to_bytes(encoded).decode(errors="replace")
+
+
+def _check_charset(charset: bytes) -> None:
+    if charset.lower() not in UTF8:
+        raise UnknownFormat(
+            "unknown-charset", "the form names a charset other than UTF-8; send it as UTF-8"
+        )
+
+
+def _bad_form(reason: str) -> MalformedFile:
+    return MalformedFile(
+        "bad-request",
+        f"the form cannot be read: {reason}; send it as 'curl -F file=@mesh.obj' does",
+    )
+
+
+def refuse_encoding(request: Request) -> None:
+    """Raises UnknownFormat for a compressed body."""
     encoding = request.headers.get("content-encoding", "identity").lower()
     if encoding != "identity":
         raise UnknownFormat(
@@ -72,53 +246,5 @@ def _refuse_encoding(request: Request) -> None:
         )
 
 
-async def read_uploads(request: Request, most: int) -> list[Upload]:
-    """The meshes in a form: every multipart field `file`, in order, up to so many.
-
-    Raises as `read_upload`, and TooManyMeshes.
-    """
-    if _media_type(request) != MULTIPART:
-        raise UnknownFormat(
-            "unknown-media-type", "several meshes come as a form with one field 'file' for each"
-        )
-    return _uploads(await _read_form(request, most))
-
-
-class _FormParser(MultiPartParser):
-    """Keeps files in memory: they are bounded, and a service may have no disk to write to."""
-
-    spool_max_size = 0  # no limit
-
-
-async def _read_form(request: Request, most: int) -> FormData:
-    _refuse_encoding(request)
-    try:
-        parser = _FormParser(request.headers, request.stream(), max_files=most, max_fields=10)
-        return await parser.parse()
-    except MultiPartException as error:
-        if error.message.startswith("Too many files"):
-            raise TooManyMeshes(most) from None
-        raise _no_form(error.message.rstrip(".")) from None
-    except UnicodeError as error:  # from the charset that the form says it is in
-        raise _no_form(str(error)) from None
-
-
-def _no_form(reason: str) -> MalformedFile:
-    return MalformedFile(
-        "bad-request",
-        f"the form cannot be read: {reason}; send it as 'curl -F file=@mesh.obj' does",
-    )
-
-
-def _uploads(form: FormData) -> list[Upload]:
-    files = [field for field in form.getlist("file") if isinstance(field, UploadFile)]
-    if not files:
-        raise MalformedFile(
-            "no-file-field", "the form has no file in the field 'file': curl -F file=@mesh.obj"
-        )
-    names = [file.filename or "" for file in files]
-    # A name without an extension declares no format: the content decides, as for a path.
-    return [
-        Upload(file.file.read(), name or None, PurePath(name).suffix or None)
-        for file, name in zip(files, names, strict=True)
-    ]
+def _media_type(request: Request) -> str:
+    return request.headers.get("content-type", "").partition(";")[0].strip().lower()

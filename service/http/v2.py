@@ -22,9 +22,8 @@ from meshconv3d.service.http.description import (
 )
 from meshconv3d.service.http.problems import STATUSES, problem
 from meshconv3d.service.http.serving import Serving
-from meshconv3d.service.http.tensors_in import JSON_LENGTH, read_request
-from meshconv3d.service.http.tensors_out import Output, answer
-from meshconv3d.service.http.uploads import read_body
+from meshconv3d.service.http.tensors import JSON_LENGTH, Output, answer, read_request
+from meshconv3d.service.http.uploads import BodyReader
 from meshconv3d.service.workers import Record, Work
 
 INPUTS = ({"name": "mesh", "datatype": "BYTES"}, {"name": "name", "datatype": "BYTES"})
@@ -74,8 +73,8 @@ def v2_routes(serving: Serving) -> APIRouter:
     async def infer(request: Request, name: str) -> Response:
         """Classify the meshes of a tensor, all or none: an error names the first that failed."""
         card = serving.card(name)
-        inference, tensors = read_request(
-            await read_body(request),
+        inference, tensors = await read_request(
+            BodyReader(request).read,
             request.headers.get(JSON_LENGTH),
             serving.settings.max_request_meshes,
         )

@@ -65,6 +65,49 @@ def test_names_of_uploads(client: httpx.Client, meshes: Path, name: str) -> None
     assert response.json()["file"] == name
 
 
+@pytest.mark.parametrize(
+    ("parameters", "name"),
+    [
+        ("filename*=UTF-8''l%C3%A4mp.obj", "lämp.obj"),
+        ("filename=\"lamp.obj\"; filename*=utf-8'de'l%c3%a4mp.obj", "lämp.obj"),
+        ("filename*=UTF-8''%ED%A0%80.obj", "\ufffd\ufffd\ufffd.obj"),
+        ('filename="\udced\udca0\udc80.obj"', "\ufffd\ufffd\ufffd.obj"),
+        ('filename="l\udce4mp.obj"', "l\ufffdmp.obj"),
+        ("filename=\"x; filename*=UTF-8''y.obj\"", "x; filename*=UTF-8''y.obj"),
+    ],
+)
+@pytest.mark.parametrize("batch", [False, True])
+def test_names_as_forms_write_them(
+    client: httpx.Client, meshes: Path, parameters: str, name: str, batch: bool
+) -> None:
+    """What is not UTF-8 in a name becomes replacement characters; no answer is lost for it."""
+    head = f'--b\r\nContent-Disposition: form-data; name="file"; {parameters}\r\n\r\n'
+    content = head.encode(errors="surrogateescape") + (meshes / "ring.obj").read_bytes()
+    response = client.post(
+        "/v1/classify/batch" if batch else "/v1/classify",
+        content=content + b"\r\n--b--\r\n",
+        headers={"content-type": "multipart/form-data; boundary=b; charset=UTF-8"},
+    )
+    assert response.status_code == 200, response.text
+    assert response.json()["file"] == name
+
+
+def test_a_name_in_another_charset_is_refused(client: httpx.Client) -> None:
+    part = b"--b\r\nContent-Disposition: form-data; name=file; filename*=utf-7''a\r\n\r\nv\r\n--b--"
+    headers = {"content-type": "multipart/form-data; boundary=b"}
+    response = client.post("/v1/classify", content=part, headers=headers)
+    assert (response.status_code, response.json()["fault"]) == (415, "unknown-charset")
+
+
+def test_a_form_that_is_cut_off_is_told_as_that(client: httpx.Client, meshes: Path) -> None:
+    head = b'--b\r\nContent-Disposition: form-data; name="file"; filename="a.obj"\r\n\r\n'
+    headers = {"content-type": "multipart/form-data; boundary=b"}
+    content = head + (meshes / "ring.obj").read_bytes()[:9000]
+    response = client.post("/v1/classify", content=content, headers=headers)
+    assert response.status_code == 400
+    assert "cut off" in response.json()["detail"]
+
+
 def test_other_fields_of_a_form_are_ignored(client: httpx.Client, meshes: Path) -> None:
     content = (meshes / "ring.obj").read_bytes()
     form = {"files": {"file": ("ring.obj", content)}, "data": {"note": "mine"}}

@@ -150,16 +150,17 @@ def mesh(**changes: object) -> dict:
         ([mesh(), mesh()], "two inputs 'mesh'"),
         ([mesh(), mesh(name="name", data=["a", "b"], shape=[2])], "1 meshes come with 2 names"),
         ([mesh(datatype="FP32")], "should be BYTES"),
-        ([mesh(shape=[1, 1])], "should be BYTES of shape"),
+        ([mesh(shape=[1, 1])], "array` of length 1"),
         ([mesh(shape=[0], data=[])], "should be BYTES of shape"),
         ([mesh(shape=[2])], "has 1 elements, its shape says 2"),
-        ([mesh(data=[1])], "inputs.0.data.0"),
+        ([mesh(data=[1])], "inputs[0].data[0]"),
         ([mesh(data=["*"], parameters={"content_type": "base64"})], "is not base64"),
         ([mesh(data=["é"], parameters={"content_type": "base64"})], "is not base64"),
-        ([mesh(parameters={"binary_data_size": 4})], "binary data that is not there"),
-        ([mesh(parameters={"binary_data_size": -4})], "binary data that is not there"),
-        ([mesh(parameters={"binary_data_size": "4"})], "binary data that is not there"),
-        ("mesh", "inputs: "),
+        ([mesh(parameters={"binary_data_size": 4})], "both data and binary data"),
+        ([mesh(data=[], parameters={"binary_data_size": -4})], "is not 1 elements"),
+        ([mesh(data=[], parameters={"binary_data_size": 8})], "is not 1 elements"),
+        ([mesh(parameters={"binary_data_size": "4"})], "binary_data_size"),
+        ("mesh", "$.inputs"),
     ],
 )
 def test_what_is_wrong_with_a_request(client: httpx.Client, inputs: object, reason: str) -> None:
@@ -172,11 +173,11 @@ def test_what_is_wrong_with_a_request(client: httpx.Client, inputs: object, reas
 @pytest.mark.parametrize(
     ("binary", "size", "reason"),
     [
-        (b"\1\0", 2, "ends within a length"),
+        (b"\1\0", 2, "is not 1 elements"),
         (b"\5\0\0\0ab", 6, "ends within an element"),
         (b"\xff\xff\xff\xffab", 6, "ends within an element"),
-        (b"\1\0\0\0a\1\0\0\0b", 10, "has 2 elements"),
-        (b"\1\0\0\0a--", 5, "2 bytes of binary data belong to no input"),
+        (b"\1\0\0\0a\1\0\0\0b", 10, "is not 1 elements"),
+        (b"\1\0\0\0a--", 5, "goes on after the data of its inputs"),
     ],
 )
 def test_what_is_wrong_with_binary_data(

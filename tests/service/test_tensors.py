@@ -1,5 +1,7 @@
 """Tensors of the inference protocol, read without a service."""
 
+import asyncio
+import io
 import json
 
 import numpy as np
@@ -9,8 +11,26 @@ from hypothesis import strategies as st
 
 from meshconv3d.model.errors import MalformedFile
 from meshconv3d.service.http.errors import TooLarge
-from meshconv3d.service.http.tensors_in import MOST_JSON_BYTES, InferenceRequest, read_request
-from meshconv3d.service.http.tensors_out import Output, answer
+from meshconv3d.service.http.tensors import (
+    MAX_JSON_BYTES,
+    InferenceRequest,
+    Output,
+    RequestParameters,
+    answer,
+    read_request,
+)
+
+Elements = dict[str, list[bytes]]
+
+
+def read(body: bytes, length: str | None) -> tuple[InferenceRequest, Elements]:
+    """A request with at most five elements a tensor."""
+    stream = io.BytesIO(body)
+
+    async def take(count: int) -> bytes:
+        return stream.read(count)
+
+    return asyncio.run(read_request(take, length, most=5))
 
 
 @given(st.lists(st.binary(max_size=20), min_size=1, max_size=5))
@@ -23,20 +43,51 @@ def test_binary_data_comes_as_it_was_sent(elements: list[bytes]) -> None:
         "parameters": {"binary_data_size": len(binary)},
     }
     head = json.dumps({"inputs": [mesh]}).encode()
-    _, found = read_request(head + binary, str(len(head)), most=5)
+    _, found = read(head + binary, str(len(head)))
     assert found == {"mesh": elements}
 
 
 @given(st.binary(max_size=200), st.none() | st.integers(-1, 200).map(str))
 def test_no_bytes_do_worse_than_to_be_refused(body: bytes, length: str | None) -> None:
     with pytest.raises(MalformedFile, match="not a request of the inference protocol"):
-        read_request(body, length, most=5)
+        read(body, length)
 
 
 def test_json_is_bounded() -> None:
     with pytest.raises(TooLarge) as refused:
-        read_request(b" " * (MOST_JSON_BYTES + 1), None, most=5)
-    assert refused.value.limit == MOST_JSON_BYTES
+        read(b" " * (MAX_JSON_BYTES + 1), None)
+    assert refused.value.limit == MAX_JSON_BYTES
+
+
+def of(**changes: object) -> bytes:
+    """A request for one mesh as JSON, with changes to its input."""
+    entry = {"name": "mesh", "datatype": "BYTES", "shape": [1], "data": ["v 0 0 0"]} | changes
+    return json.dumps({"inputs": [entry]}).encode()
+
+
+@pytest.mark.parametrize(
+    ("body", "reason"),
+    [
+        (of(data=["a"] * 100_000), "strings"),
+        (of(parameters={f"k{i}": [] for i in range(100_000)}), "strings"),
+        (of(data=['\\"'] * 100_000), "strings"),
+        (of(shape=[1] * 100_000), "length 1"),
+        (of().replace(b"[1]", b"[1" + b"0" * 10_000 + b"]"), "out of range"),
+        (of(name="n" * 300), "length <= 256"),
+        (b'{"other":' + b"[" * 10_000, "recursion"),
+        (b'{"inputs":[' + b"{}," * 100_000, "missing required field"),
+        (b'{"inputs":[{"name":"\\ud800"}]}', "truncated"),
+        (b"\xff", "malformed"),
+    ],
+)
+def test_counts_and_nesting_are_bounded(body: bytes, reason: str) -> None:
+    with pytest.raises(MalformedFile, match=reason):
+        read(body, None)
+
+
+def test_unknown_parameters_are_ignored() -> None:
+    _, found = read(of(parameters={"other": [{}], "content_type": "text"}), None)
+    assert found == {"mesh": [b"v 0 0 0"]}
 
 
 def test_values_are_little_endian_and_in_a_row() -> None:
@@ -45,6 +96,6 @@ def test_values_are_little_endian_and_in_a_row() -> None:
         "unknown": Output("unknown", np.array([True, False])),
         "class": Output("class", ["é", ""]),
     }
-    request = InferenceRequest(inputs=[], parameters={"binary_data_output": True})
+    request = InferenceRequest(inputs=[], parameters=RequestParameters(binary_data_output=True))
     body, length = answer(request, "any", outputs)
     assert body[length:] == b"\0\0\x80\x3f\0\0\x20\xc0" + b"\1\0" + b"\2\0\0\0\xc3\xa9\0\0\0\0"
