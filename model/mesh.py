@@ -14,14 +14,16 @@ class Mesh:
 
     vertices: V x 3 float64, finite, not all in one point.
     faces: F x 3 int32, F >= 1, every entry in [0, V).
+    note: what reading left out or had to guess, as a sentence for people; mostly empty.
 
     Raises UnusableMesh, naming the fault and its count, when the arrays are anything else.
     """
 
     vertices: NDArray[np.float64]
     faces: NDArray[np.int32]
+    note: str = ""
 
-    def __init__(self, vertices: ArrayLike, faces: ArrayLike) -> None:
+    def __init__(self, vertices: ArrayLike, faces: ArrayLike, note: str = "") -> None:
         vertex_array = np.array(vertices, dtype=np.float64, order="C")
         face_array = np.asarray(faces)
         _check(vertex_array, face_array)
@@ -30,6 +32,7 @@ class Mesh:
         face_array.setflags(write=False)
         object.__setattr__(self, "vertices", vertex_array)
         object.__setattr__(self, "faces", face_array)
+        object.__setattr__(self, "note", note)
 
     def moved(self, vertices: ArrayLike) -> "Mesh":
         """The same triangles over other vertex positions (V x 3)."""

@@ -54,7 +54,7 @@ FORMATS: dict[str, Format] = {
 _MARKED = frozenset({"ply", "glb", "gltf", "3mf"})
 
 _SNIFFED = 2**20  # bytes
-_OFF = re.compile(rb"(?:\s*#[^\r\n]*[\r\n])*\s*(?:ST)?C?N?4?n?OFF\b")
+_OFF = re.compile(rb"(?:\s*#[^\r\n]*[\r\n])*\s*(?:ST)?C?N?4?n?OFF(?:\b|(?=\d))")
 _OBJ = re.compile(rb"^[ \t]*v[ \t]+[-+.\d]", re.MULTILINE)
 
 

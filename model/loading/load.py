@@ -11,7 +11,8 @@ from meshconv3d.model.loading.limits import Limits
 from meshconv3d.model.loading.obj import read_obj
 from meshconv3d.model.loading.off import read_off
 from meshconv3d.model.loading.ply import read_ply
-from meshconv3d.model.loading.stl import read_stl
+from meshconv3d.model.loading.stl import is_exact_binary, read_stl
+from meshconv3d.model.loading.text import as_utf8
 from meshconv3d.model.loading.threemf import read_3mf
 from meshconv3d.model.loading.triangles import Triangles
 from meshconv3d.model.mesh import Mesh
@@ -46,6 +47,8 @@ def load_mesh(
         path = Path(source)
         data = path.read_bytes()
         name = path.suffix if name is None else name
+    if not is_exact_binary(data):  # whose header may begin with any bytes
+        data = as_utf8(data)
     return _read(data, detect_format(data, name), limits or Limits())
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from meshconv3d.model.errors import MalformedFile
 from meshconv3d.model.loading.limits import Limits
-from meshconv3d.model.loading.text import blocks, is_utf16, plain_text, points
+from meshconv3d.model.loading.text import blocks, plain_text, points
 from meshconv3d.model.loading.triangles import Pieces, Triangles, coordinates
 
 _HEADER = 84  # bytes: 80 of any content, then the count of triangles
@@ -89,6 +89,4 @@ def _declared_length(data: bytes) -> int:
 
 def _is_text(data: bytes) -> bool:
     start = data[:1024]
-    if is_utf16(data):
-        return True
     return b"solid" in start.lower() and b"\0" not in start.rstrip(b"\0")

@@ -19,8 +19,6 @@ def plain_text(data: bytes) -> bytes:
     It stays bytes: names may be in any encoding, and everything that is read is ASCII.
     Raises MalformedFile when there are zero bytes in it.
     """
-    if is_utf16(data):
-        data = data.decode("utf-16", errors="replace").encode()
     data = data.removeprefix(BOM_UTF8).rstrip(b"\0\x1a \t\r\n")
     zero = data.find(b"\0")
     if zero >= 0:
@@ -33,9 +31,11 @@ def plain_text(data: bytes) -> bytes:
     return data + b"\n"
 
 
-def is_utf16(data: bytes) -> bool:
-    """Whether the bytes begin with the byte-order mark of UTF-16."""
-    return data.startswith((BOM_UTF16_LE, BOM_UTF16_BE))
+def as_utf8(data: bytes) -> bytes:
+    """The same text in UTF-8, where the bytes begin with the byte-order mark of UTF-16."""
+    if data.startswith((BOM_UTF16_LE, BOM_UTF16_BE)):
+        return data.decode("utf-16", errors="replace").encode()
+    return data
 
 
 def blocks(text: bytes, limits: Limits) -> Iterator[bytes]:

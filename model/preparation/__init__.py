@@ -93,6 +93,7 @@ def prepare_placed(mesh: Mesh, face_budget: int) -> tuple[Mesh, MeshReport, Plac
         within_budget=len(faces) <= face_budget,
         components_lost=counts["components"] - components,
         area_kept=round(area_kept, 4),
+        note=mesh.note,
     )
     centre, radius = _sphere(vertices, faces)
     corner, size = bounding_cube(mesh)

@@ -17,6 +17,7 @@ class MeshReport:
     resampled: how the face count was brought to the model's budget; within_budget: whether it
     was, which very many parts can prevent. components_lost: small parts that simplification
     swallowed. area_kept: surface after resampling over surface before it.
+    note: what reading the file left out or had to guess; mostly empty.
     """
 
     faces_in: int
@@ -35,3 +36,4 @@ class MeshReport:
     within_budget: bool
     components_lost: int
     area_kept: float
+    note: str = ""

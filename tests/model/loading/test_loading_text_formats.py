@@ -109,8 +109,18 @@ def test_obj_of_many_materials():
     assert len(mesh.faces) == 60_000
 
 
-def test_obj_as_utf16_is_read_and_zero_bytes_are_refused():
-    assert build.is_box(load_mesh(build.obj().decode().encode("utf-16"), "obj"))
+@pytest.mark.parametrize(
+    ("extension", "data"),
+    [(name, data) for name, data in build.SPELLINGS.values() if b"\0" not in data],
+)
+def test_utf16_with_its_mark(extension, data):
+    for encoding in ("utf-16-le", "utf-16-be"):
+        changed = ("\ufeff" + data.decode()).encode(encoding)
+        assert build.is_box(load_mesh(changed, extension))
+        assert build.is_box(load_mesh(changed))
+
+
+def test_zero_bytes_are_refused():
     with pytest.raises(MalformedFile, match="zero"):
         load_mesh(build.obj().replace(b"f 1 3", b"f\x001 3"), "obj")
 
