@@ -37,7 +37,7 @@ def main() -> None:
     for path in paths:
         mesh = prepare(load_mesh(path), budget)[0]
         whole = classifier.run(mesh, {})
-        winner = whole.classification.ranking[0]
+        winner = whole.prediction.ranking[0]
         shares = whole.contributions(winner)
         orders = {
             "most evidence": np.argsort(-shares),
@@ -48,7 +48,7 @@ def main() -> None:
             kept = np.sort(order[round(arguments.share * len(order)) :])
             rest = Mesh(whole.prepared.vertices, whole.prepared.faces[kept])
             left = classifier.classify_mesh(rest)
-            falls[title].append(float(whole.classification.scores[winner] - left.scores[winner]))
+            falls[title].append(float(whole.prediction.scores[winner] - left.scores[winner]))
             lost[title] += left.ranking[0] != winner
     print(f"{arguments.model} on {len(paths)} test meshes of {arguments.data.name}")
     print(f"faces removed ({arguments.share:.0%})  fall of the winner's score  another class wins")

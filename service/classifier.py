@@ -15,10 +15,11 @@ from meshconv3d.model.calibration import softmax
 from meshconv3d.model.errors import MeshError
 from meshconv3d.model.loading import Limits, load_mesh
 from meshconv3d.model.mesh import Mesh
-from meshconv3d.model.preparation import MeshReport, Placement, prepare_placed
+from meshconv3d.model.preparation import Placement, prepare_placed
 from meshconv3d.model.samples import sample_paths
 from meshconv3d.model.topology.inputs import MeshInputs, collate, mesh_inputs
 from meshconv3d.service.models import DEFAULT_MODEL, Model, open_model
+from meshconv3d.service.prediction import Prediction
 
 # How far the self-test's scores may lie from those that the export stored, relative to the
 # largest: rounding moves them by 1e-6, another triangulation of the sample by more than this.
@@ -28,49 +29,11 @@ SELF_TEST_TOLERANCE = 1e-2
 STAGES = ("read", "prepare", "topology", "infer", "explain")
 
 Source = str | os.PathLike[str] | tuple[bytes, str | None]
-Result = TypeVar("Result")
+T = TypeVar("T")
 
 
 class SelfTestError(RuntimeError):
     """A model does not give, on this machine, the scores it gave when it was exported."""
-
-
-@dataclass(frozen=True, eq=False)
-class Classification:
-    """What a mesh is, by which model. scores: N_c float32 logits; probabilities: their calibrated
-    softmax. novelty: how unlike every class it is, see `model.nn.out_of_distribution`.
-
-    timings_ms: wall-clock milliseconds of each stage: read, prepare, topology, infer,
-    and explain where that was asked for.
-    """
-
-    model: Model
-    scores: NDArray[np.float32]
-    probabilities: NDArray[np.float64]
-    novelty: float
-    report: MeshReport
-    timings_ms: dict[str, float]
-
-    @property
-    def ranking(self) -> list[int]:
-        """Class indices, likeliest first."""
-        return np.argsort(-self.scores, kind="stable").tolist()
-
-    @property
-    def classes(self) -> tuple[str, ...]:
-        """Names of the classes, in the order of the scores."""
-        return self.model.card.config.classes
-
-    @property
-    def label(self) -> str:
-        """The likeliest class."""
-        return self.classes[self.ranking[0]]
-
-    @property
-    def unknown(self) -> bool | None:
-        """Whether it is unlike everything the model was trained on; None if that has no limit."""
-        calibration = self.model.card.calibration
-        return None if calibration is None else self.novelty > calibration.novelty_limit
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +48,7 @@ class Pass:
     placement: Placement
     inputs: MeshInputs
     evidence: NDArray[np.float32]
-    classification: Classification
+    prediction: Prediction
 
     def contributions(self, class_index: int) -> NDArray[np.float64]:
         """What each face of the prepared mesh adds to the score of a class: F_0."""
@@ -108,6 +71,7 @@ class Classifier:
         self.limits = limits
         calibration = model.card.calibration
         self._temperature = calibration.temperature if calibration else 1.0
+        self._novelty_limit = calibration.novelty_limit if calibration else None
 
     @classmethod
     def load(cls, name_or_path: str = DEFAULT_MODEL) -> "Classifier":
@@ -116,17 +80,17 @@ class Classifier:
 
     def classify(
         self, source: str | os.PathLike[str] | bytes, name: str | None = None
-    ) -> Classification:
+    ) -> Prediction:
         """Classify one file, or the bytes of one; `name` declares the format of bytes.
 
         Raises MeshError for what cannot be read or is no mesh, OSError for a path that cannot
         be opened.
         """
-        return self.run(*self.read(source, name)).classification
+        return self.run(*self.read(source, name)).prediction
 
-    def classify_mesh(self, mesh: Mesh) -> Classification:
+    def classify_mesh(self, mesh: Mesh) -> Prediction:
         """Classify a mesh that is in memory already. Raises UnusableMesh."""
-        return self.run(mesh, {}).classification
+        return self.run(mesh, {}).prediction
 
     def read(
         self, source: str | os.PathLike[str] | bytes, name: str | None = None
@@ -138,11 +102,12 @@ class Classifier:
         return mesh, timings
 
     def run(self, mesh: Mesh, timings: dict[str, float]) -> Pass:
-        """Send a mesh through both stages; the time of each goes to `timings`.
+        """Send a mesh through both stages. timings: milliseconds of the stages before these.
 
         Raises UnusableMesh.
         """
         config = self.model.card.config
+        timings = dict(timings)
         with timed(timings, "prepare"):
             prepared, report, placement = prepare_placed(mesh, config.face_budget)
         with timed(timings, "topology"):
@@ -151,15 +116,21 @@ class Classifier:
         with timed(timings, "infer"):
             outputs = self.model.session.run(["scores", "novelty", "evidence"], arrays)
         scores, novelty, evidence = map(np.asarray, outputs)
-        probabilities = softmax(scores[0] / self._temperature)
-        result = Classification(
-            self.model, scores[0], probabilities, float(novelty[0]), report, timings
+        prediction = Prediction(
+            self.model.id,
+            config.classes,
+            scores[0],
+            softmax(scores[0] / self._temperature),
+            float(novelty[0]),
+            None if self._novelty_limit is None else float(novelty[0]) > self._novelty_limit,
+            report,
+            timings,
         )
-        return Pass(prepared, placement, inputs, evidence, result)
+        return Pass(prepared, placement, inputs, evidence, prediction)
 
     def classify_many(
         self, sources: Iterable[Source]
-    ) -> Iterator[Classification | MeshError | OSError]:
+    ) -> Iterator[Prediction | MeshError | OSError]:
         """Classify files one after the other, in order: for each its result, or why it has none."""
         return each_of(sources, self.classify)
 
@@ -192,9 +163,7 @@ class Classifier:
             )
 
 
-def each_of(
-    sources: Iterable[Source], work: Callable[..., Result]
-) -> Iterator[Result | MeshError | OSError]:
+def each_of(sources: Iterable[Source], work: Callable[..., T]) -> Iterator[T | MeshError | OSError]:
     """Work on files one after the other, in order: for each its result, or why it has none.
 
     A source is a path, or the bytes of a file with their declared name or None.

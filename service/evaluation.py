@@ -9,7 +9,7 @@ import numpy as np
 from meshconv3d.model import metrics
 from meshconv3d.model.metrics import Predictions
 from meshconv3d.model.training.datasets import Sample
-from meshconv3d.service.classifier import Classification, Classifier
+from meshconv3d.service.classifier import Classifier
 from meshconv3d.service.evaluation_report import (
     ClassFigures,
     DataId,
@@ -19,7 +19,7 @@ from meshconv3d.service.evaluation_report import (
     Timing,
 )
 from meshconv3d.service.models import Model
-from meshconv3d.service.records import ModelId, Reason, refusal
+from meshconv3d.service.prediction import Failure, Prediction, Result
 
 DIGITS = 6
 
@@ -29,16 +29,16 @@ class Outcome:
     """What became of one labelled file."""
 
     sample: Sample
-    result: Classification | Reason
+    result: Result
 
 
 def classify_samples(classifier: Classifier, samples: Sequence[Sample]) -> Iterator[Outcome]:
     """Classify labelled files one after the other, in order."""
     results = classifier.classify_many(sample.path for sample in samples)
     for sample, result in zip(samples, results, strict=True):
-        if not isinstance(result, Classification):
+        if not isinstance(result, Prediction):
             # Not the exception: its traceback would keep every mesh that it passed in memory.
-            result = refusal(None, result).error
+            result = Failure.of(result)
         yield Outcome(sample, result)
 
 
@@ -48,10 +48,10 @@ def summarise(model: Model, data: DataId, outcomes: Sequence[Outcome], seconds: 
     Raises ValueError for no files, and for a label that is no class of the model.
     """
     predictions = _predictions(model.card.config.classes, outcomes)
-    reasons = Counter(o.result.fault for o in outcomes if isinstance(o.result, Reason))
+    reasons = Counter(o.result.fault for o in outcomes if isinstance(o.result, Failure))
     answers = not predictions.refused.all()
     return Report(
-        model=ModelId(name=model.card.name, sha256=model.sha256),
+        model=model.id,
         data=data,
         files=len(outcomes),
         refused=reasons.total(),
@@ -76,7 +76,7 @@ def summarise(model: Model, data: DataId, outcomes: Sequence[Outcome], seconds: 
 
 def _called_unknown(outcomes: Sequence[Outcome]) -> int:
     results = (outcome.result for outcome in outcomes)
-    return sum(isinstance(result, Classification) and result.unknown is True for result in results)
+    return sum(isinstance(result, Prediction) and result.unknown is True for result in results)
 
 
 def _predictions(classes: Sequence[str], outcomes: Sequence[Outcome]) -> Predictions:
@@ -86,7 +86,7 @@ def _predictions(classes: Sequence[str], outcomes: Sequence[Outcome]) -> Predict
     probabilities = np.zeros((len(outcomes), len(classes)))
     refused = np.zeros(len(outcomes), dtype=bool)
     for row, outcome in enumerate(outcomes):
-        if isinstance(outcome.result, Classification):
+        if isinstance(outcome.result, Prediction):
             probabilities[row] = outcome.result.probabilities
         else:
             refused[row] = True
@@ -95,7 +95,7 @@ def _predictions(classes: Sequence[str], outcomes: Sequence[Outcome]) -> Predict
 
 
 def _timing(outcomes: Sequence[Outcome], seconds: float) -> Timing:
-    timings = [o.result.timings_ms for o in outcomes if isinstance(o.result, Classification)]
+    timings = [o.result.timings_ms for o in outcomes if isinstance(o.result, Prediction)]
     stages = {stage: [timing[stage] for timing in timings] for stage in timings[0]}
     stages["total"] = [sum(timing.values()) for timing in timings]
     return Timing(

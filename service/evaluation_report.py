@@ -3,7 +3,7 @@
 from pydantic import BaseModel, Field
 
 from meshconv3d.model.metrics import CALIBRATION_BINS
-from meshconv3d.service.records import ModelId
+from meshconv3d.service.prediction import ModelId
 
 
 class DataId(BaseModel):

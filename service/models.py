@@ -9,22 +9,39 @@ from meshconv3d.export.metadata import ModelCard, ModelFileError, read_card
 from meshconv3d.export.runtime import onnxruntime as ort
 from meshconv3d.export.runtime import open_session
 from meshconv3d.model.topology.inputs import input_names
+from meshconv3d.service.prediction import ModelId
 
 SHIPPED = Path(__file__).parent / "shipped"
 DEFAULT_MODEL = "shrec11"
 
 
 @dataclass(frozen=True, eq=False)
-class Model:
-    """An opened model file. sha256 is that of the file; `session.run` is thread-safe."""
+class ModelInfo:
+    """Card of a model file, and the SHA-256 of the file."""
 
     card: ModelCard
     sha256: str
+
+    @property
+    def id(self) -> ModelId:
+        """Name and hash, as results carry them."""
+        return ModelId(self.card.name, self.sha256)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The card and the hash as plain values, for JSON."""
+        return self.card.to_dict() | {"sha256": self.sha256}
+
+
+@dataclass(frozen=True, eq=False)
+class Model(ModelInfo):
+    """An opened model file; `session.run` is thread-safe."""
+
     session: ort.InferenceSession
 
-    def describe(self) -> dict[str, Any]:
-        """The card and the file's hash as plain values, for people and programs."""
-        return self.card.to_dict() | {"sha256": self.sha256}
+    @property
+    def info(self) -> ModelInfo:
+        """The part that other processes can be told."""
+        return ModelInfo(self.card, self.sha256)
 
 
 def shipped_models() -> dict[str, Path]:

@@ -1,15 +1,14 @@
-"""The one form in which results leave: the lines of the command line, the answers over HTTP."""
+"""Public records: the JSON of the command line and of HTTP, made of results at the edge."""
 
 import os
 
 import numpy as np
 from pydantic import AliasChoices, BaseModel, Field, TypeAdapter
 
-from meshconv3d.model.errors import MeshError
 from meshconv3d.model.preparation import MeshReport
-from meshconv3d.service.classifier import Classification
+from meshconv3d.service.prediction import Failure, ModelId, Prediction, Result
 
-# A word of Python in the records, with another name in here.
+# `class` is a keyword of Python.
 CLASS = AliasChoices("class", "class_")
 
 
@@ -21,15 +20,8 @@ class ClassScore(BaseModel):
     score: float = Field(description="logit", examples=[6.1])
 
 
-class ModelId(BaseModel):
-    """Which model answered: its name and the SHA-256 of its file."""
-
-    name: str = Field(examples=["shrec11"])
-    sha256: str
-
-
 class Answer(BaseModel):
-    """What one mesh is."""
+    """Record of a mesh that was classified."""
 
     file: str | None = Field(description="name as given, if any", examples=["snake.obj"])
     class_: str = Field(validation_alias=CLASS, serialization_alias="class", examples=["snake"])
@@ -50,66 +42,58 @@ class Answer(BaseModel):
     )
 
 
-class Reason(BaseModel):
-    """Why a file has no answer: a stable slug for programs and a message for people."""
-
-    fault: str
-    message: str
-
-
 class Refusal(BaseModel):
-    """A file that could not be classified, in the place of its answer."""
+    """Record of a file that could not be classified."""
 
     file: str | None
-    error: Reason
+    error: Failure
 
 
 _SCORES = TypeAdapter(list[ClassScore])
 _RECORD: TypeAdapter[Answer | Refusal] = TypeAdapter(Answer | Refusal)
 
 
-def parse_record(content: bytes) -> Answer | Refusal:
-    """A record that left as JSON. Raises ValueError for anything else."""
-    return _RECORD.validate_json(content)
+def record(file: str | None, result: Result, top: int | None = None) -> Answer | Refusal:
+    """Record of a file's result, with the `top` likeliest classes, or all."""
+    if isinstance(result, Failure):
+        return Refusal(file=file, error=result)
+    return answer(file, result, top)
 
 
-def answer(file: str | None, result: Classification, top: int | None = None) -> Answer:
-    """The record of a result, with the `top` likeliest classes, or all."""
-    # At once: rounded and checked one by one, they would be most of what a record takes.
-    probabilities = result.probabilities.round(6).tolist()
-    logits = result.scores.astype(np.float64).round(5).tolist()
+def answer(file: str | None, prediction: Prediction, top: int | None = None) -> Answer:
+    """Record of a prediction, with the `top` likeliest classes, or all."""
+    # Rounded and validated as whole arrays: one by one takes most of a record's time.
+    probabilities = prediction.probabilities.round(6).tolist()
+    logits = prediction.scores.astype(np.float64).round(5).tolist()
     scores = _SCORES.validate_python(
         [
-            {"class": result.classes[i], "probability": probabilities[i], "score": logits[i]}
-            for i in result.ranking[:top]
+            {"class": prediction.classes[i], "probability": probabilities[i], "score": logits[i]}
+            for i in prediction.ranking[:top]
         ]
     )
     return Answer(
         file=file,
         class_=scores[0].class_,
         probability=scores[0].probability,
-        unknown=result.unknown,
-        novelty=round(result.novelty, 4),
+        unknown=prediction.unknown,
+        novelty=round(prediction.novelty, 4),
         scores=scores,
-        model=model_id(result),
-        mesh=result.report,
-        timings_ms=result.timings_ms,
+        model=prediction.model,
+        mesh=prediction.report,
+        timings_ms=prediction.timings_ms,
     )
 
 
-def model_id(result: Classification) -> ModelId:
-    """Which model gave a result."""
-    return ModelId(name=result.model.card.name, sha256=result.model.sha256)
+def to_json(record: BaseModel) -> bytes:
+    """JSON of a record, on one line."""
+    return record.model_dump_json(by_alias=True).encode()
+
+
+def parse_record(content: bytes) -> Answer | Refusal:
+    """A record from its JSON, as in a journal. Raises ValueError for anything else."""
+    return _RECORD.validate_json(content)
 
 
 def readable(file: str) -> str:
-    """A file name as text; bytes that are no UTF-8, which JSON cannot hold, are replaced."""
+    """A file name as text; bytes that are not UTF-8, which JSON cannot hold, are replaced."""
     return os.fsencode(file).decode(errors="replace")
-
-
-def refusal(file: str | None, error: MeshError | OSError) -> Refusal:
-    """The record of a file that cannot be read or is no mesh."""
-    if isinstance(error, MeshError):
-        return Refusal(file=file, error=Reason(fault=error.fault, message=str(error)))
-    reason = Reason(fault="unreadable", message=f"cannot be opened: {error.strerror}")
-    return Refusal(file=file, error=reason)

@@ -5,29 +5,19 @@ import json
 import logging
 from collections.abc import Callable, Collection
 from dataclasses import asdict, dataclass
-from typing import Protocol
 
 from meshconv3d.model.errors import MeshError, UnusableMesh
 from meshconv3d.model.loading import Limits
 from meshconv3d.service.batch.entries import Entry
-from meshconv3d.service.records import Reason, Refusal, refusal
-from meshconv3d.service.workers import DeadlineExceeded, TaskFailed, Work
+from meshconv3d.service.prediction import Failure, Prediction
+from meshconv3d.service.records import record, to_json
+from meshconv3d.service.workers import DeadlineExceeded, Task, TaskFailed
 
 log = logging.getLogger(__name__)
 
 
-class Classified(Protocol):
-    """What classifying a mesh gives: an `Answer` in JSON, and a picture or None."""
-
-    @property
-    def content(self) -> bytes: ...
-
-    @property
-    def picture(self) -> bytes | None: ...
-
-
 # Raises MeshError, DeadlineExceeded or TaskFailed.
-Classify = Callable[[Work], Classified]
+Classify = Callable[[Task], Prediction]
 # With which contents, by their SHA-256, the next file of this name need not be classified (again).
 # Asked for each file once, before it is handed to whoever reads it.
 DoneAs = Callable[[str], Collection[str]]
@@ -81,13 +71,12 @@ def classify_entry(
         sha256 = hashlib.sha256(content).hexdigest()
         if sha256 in done:
             return None
-        work = Work(options.model, content, entry.name, entry.declared, options.top)
-        found = classify(work)
-        return Outcome(entry, found.content, sha256, None, found.picture)
+        found = classify(Task(options.model, content, entry.name, entry.declared))
+        content = to_json(record(entry.name, found, options.top))
+        return Outcome(entry, content, sha256, None, found.picture)
     except (MeshError, OSError, DeadlineExceeded, TaskFailed) as error:
-        refused = _refusal(entry.name, error)
-        record = refused.model_dump_json().encode()
-        return Outcome(entry, record, sha256, refused.error.fault)
+        failure = _failure(error)
+        return Outcome(entry, to_json(record(entry.name, failure)), sha256, failure.fault)
 
 
 def _check_size(size: int, most: int) -> None:
@@ -99,12 +88,12 @@ def _check_size(size: int, most: int) -> None:
         )
 
 
-def _refusal(name: str, error: MeshError | OSError | DeadlineExceeded | TaskFailed) -> Refusal:
+def _failure(error: MeshError | OSError | DeadlineExceeded | TaskFailed) -> Failure:
     if isinstance(error, MeshError | OSError):
-        return refusal(name, error)
+        return Failure.of(error)
     if isinstance(error, DeadlineExceeded):
         message = "classifying it took longer than the deadline; simplify the mesh, or allow more"
-        return Refusal(file=name, error=Reason(fault="deadline", message=message))
+        return Failure("deadline", message)
     log.error("one mesh failed: %s", error)
     message = "classifying it failed in a way that nobody foresaw; report it, with the file"
-    return Refusal(file=name, error=Reason(fault="internal", message=message))
+    return Failure("internal", message)

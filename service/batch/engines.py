@@ -12,7 +12,8 @@ from meshconv3d.service.batch.budget import Budget
 from meshconv3d.service.batch.classifying import Classify, DoneAs, Options, Outcome, classify_entry
 from meshconv3d.service.batch.entries import Entry
 from meshconv3d.service.batch.ordering import as_they_come, in_order
-from meshconv3d.service.workers import Record, ThreadedPool, Work
+from meshconv3d.service.prediction import Prediction
+from meshconv3d.service.workers import Task, ThreadedPool
 
 # Files that are read or wait for each worker, so that it never waits for one: the way to an
 # object store takes many times what classifying takes. And how many bytes of them are held.
@@ -89,8 +90,8 @@ class Workers:
         with self._budget.held(min(entry.size(), options.bytes)):
             return classify_entry(entry, options, self._classify, done)
 
-    def _classify(self, work: Work) -> Record:
-        return self._pool.submit(work).result()
+    def _classify(self, task: Task) -> Prediction:
+        return self._pool.submit(task).result()
 
     def __enter__(self) -> Self:
         return self

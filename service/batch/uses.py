@@ -5,7 +5,8 @@ from pathlib import Path
 
 from meshconv3d.service.batch.classifying import Outcome
 from meshconv3d.service.batch.sorting import SortedFolder
-from meshconv3d.service.records import Answer, ModelId, Refusal, parse_record
+from meshconv3d.service.prediction import ModelId
+from meshconv3d.service.records import Answer, Refusal, parse_record
 
 
 class Uses:

@@ -15,10 +15,10 @@ from meshconv3d.service.batch.local import LocalFile
 from meshconv3d.service.classifier import SelfTestError
 from meshconv3d.service.cli.explain import explaining
 from meshconv3d.service.cli.shared import load_classifier
-from meshconv3d.service.models import Model, ModelFile
-from meshconv3d.service.records import ModelId
+from meshconv3d.service.models import ModelFile
+from meshconv3d.service.prediction import ModelId
 from meshconv3d.service.settings import Settings
-from meshconv3d.service.workers import NotStarted, Setup, ThreadedPool, record_of
+from meshconv3d.service.workers import NotStarted, Setup, ThreadedPool, predict
 
 # As many files are classified in this process before worker processes would be ready.
 FEW = 16
@@ -37,11 +37,10 @@ def open_engine(
     error."""
     if may_be_here and len(listing.first(FEW + 1)) <= FEW:
         classifier = load_classifier(model)
-        return _id(classifier.model), Here(lambda work: record_of(work, classifier, pictured))
+        return classifier.model.id, Here(lambda task: predict(task, classifier, pictured))
     pool = _start_workers(model or settings.models[0], settings, pictured)
-    (card,) = pool.models.values()
-    model_id = ModelId(name=card["name"], sha256=card["sha256"])
-    return model_id, Workers(pool, settings.workers, ordered)
+    (served,) = pool.models.values()
+    return served.id, Workers(pool, settings.workers, ordered)
 
 
 def ray_engine(
@@ -55,7 +54,7 @@ def ray_engine(
     """As `open_engine`, over a Ray cluster; see `Ray`."""
     from meshconv3d.service.batch.ray_engine import Ray
 
-    model_id = _id(load_classifier(model).model)
+    model_id = load_classifier(model).model.id
     file = ModelFile.read(model or settings.models[0])
     try:
         return model_id, Ray(_setup(file, settings, pictured), workers, ordered, address)
@@ -70,7 +69,7 @@ def explaining_engine(
     files = _local(listing)
     classifier = load_classifier(model)
     classify: Classify = explaining(classifier, files, out, label)
-    return _id(classifier.model), Here(classify)
+    return classifier.model.id, Here(classify)
 
 
 def _start_workers(model: str, settings: Settings, pictured: bool) -> ThreadedPool:
@@ -98,7 +97,3 @@ def _local(listing: Listing) -> Sequence[str]:
             raise click.UsageError(f"--explain is for files of this machine, not {entry.name}")
         files.append(entry.path if isinstance(entry, LocalFile) else entry.name)
     return files
-
-
-def _id(model: Model) -> ModelId:
-    return ModelId(name=model.card.name, sha256=model.sha256)

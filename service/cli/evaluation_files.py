@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 
 from meshconv3d.model.training.confusion import draw_confusion
-from meshconv3d.service.classifier import Classification
 from meshconv3d.service.evaluation import Outcome
 from meshconv3d.service.evaluation_report import Report
-from meshconv3d.service.records import Refusal, answer, readable
+from meshconv3d.service.records import readable, record
 
 
 def write_files(folder: Path, report: Report, outcomes: Sequence[Outcome]) -> None:
@@ -27,10 +26,5 @@ def write_files(folder: Path, report: Report, outcomes: Sequence[Outcome]) -> No
 
 def _record(outcome: Outcome) -> dict[str, Any]:
     """What `classify` says of a file, and its true class."""
-    file, result = readable(str(outcome.sample.path)), outcome.result
-    record = (
-        answer(file, result)
-        if isinstance(result, Classification)
-        else Refusal(file=file, error=result)
-    )
-    return record.model_dump(mode="json", by_alias=True) | {"truth": outcome.sample.label}
+    found = record(readable(str(outcome.sample.path)), outcome.result)
+    return found.model_dump(mode="json", by_alias=True) | {"truth": outcome.sample.label}

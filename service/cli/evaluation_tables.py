@@ -8,7 +8,8 @@ from rich.table import Table
 from meshconv3d.service.cli.terminal import shown
 from meshconv3d.service.evaluation import Outcome
 from meshconv3d.service.evaluation_report import ClassFigures, Report, Timing
-from meshconv3d.service.records import Reason, readable
+from meshconv3d.service.prediction import Failure
+from meshconv3d.service.records import readable
 
 
 def print_evaluation(report: Report, outcomes: Sequence[Outcome]) -> None:
@@ -79,7 +80,7 @@ def _classes(classes: Iterable[ClassFigures]) -> Table:
 
 def _refusals(outcomes: Iterable[Outcome]) -> Iterator[str]:
     for outcome in outcomes:
-        if isinstance(outcome.result, Reason):
+        if isinstance(outcome.result, Failure):
             file = readable(str(outcome.sample.path))
             yield f"{shown(file)}: {shown(outcome.result.message)}"
 

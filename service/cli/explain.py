@@ -3,21 +3,15 @@
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import click
 
 if TYPE_CHECKING:
-    from meshconv3d.service.batch.classifying import Classified, Classify
+    from meshconv3d.service.batch.classifying import Classify
     from meshconv3d.service.classifier import Classifier
-    from meshconv3d.service.workers import Work
-
-
-class Explained(NamedTuple):
-    """See `Classified`."""
-
-    content: bytes
-    picture: None = None
+    from meshconv3d.service.prediction import Prediction
+    from meshconv3d.service.workers import Task
 
 
 def explaining(
@@ -28,7 +22,7 @@ def explaining(
     A call that cannot be carried out is a usage error, before anything is read.
     """
     from meshconv3d.service.evidence import FORMS, NotExplained, explain, explained_class
-    from meshconv3d.service.records import answer, readable
+    from meshconv3d.service.records import readable
 
     config = classifier.model.card.config
     try:
@@ -42,12 +36,11 @@ def explaining(
         if target.resolve() in meshes:
             raise click.UsageError(f"--explain {out} would overwrite a mesh of the call: {target}")
 
-    def classify(work: "Work") -> "Classified":
-        found = explain(classifier, work.content, work.declared, label)
-        name, target = targets[work.file or ""]
+    def classify(task: "Task") -> "Prediction":
+        found = explain(classifier, task.content, task.declared, label)
+        name, target = targets[task.file or ""]
         _write(target, FORMS[_extension(target)].write(name, found))
-        record = answer(work.file, found.classification, work.top)
-        return Explained(record.model_dump_json(by_alias=True).encode())
+        return found.prediction
 
     return classify
 

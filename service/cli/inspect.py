@@ -17,7 +17,7 @@ def inspect(model: str | None, as_json: bool) -> None:
     from meshconv3d.service.cli.terminal import printable
 
     opened = load_classifier(model).model
-    card = opened.describe()
+    card = opened.to_dict()
     if as_json:
         click.echo(json.dumps(card))
         return

@@ -1,5 +1,6 @@
 """What every face of an uploaded mesh adds to the score of a class."""
 
+import dataclasses
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,7 +12,8 @@ from numpy.typing import NDArray
 from meshconv3d.model.attribution import onto_file
 from meshconv3d.model.mesh import Mesh
 from meshconv3d.model.preparation import face_areas
-from meshconv3d.service.classifier import Classification, Classifier, timed
+from meshconv3d.service.classifier import Classifier, timed
+from meshconv3d.service.prediction import Prediction
 
 # The share of the surface that the colours tell apart; what is beyond it has the last colour.
 SHOWN_SHARE = 0.95
@@ -34,7 +36,7 @@ class Explanation:
     mesh: as uploaded. contributions: F float64, in the order of its faces.
     """
 
-    classification: Classification
+    prediction: Prediction
     class_index: int
     mesh: Mesh
     contributions: NDArray[np.float64]
@@ -43,12 +45,12 @@ class Explanation:
     @property
     def label(self) -> str:
         """The explained class."""
-        return self.classification.classes[self.class_index]
+        return self.prediction.classes[self.class_index]
 
     @property
     def score(self) -> float:
         """Its score, a logit."""
-        return float(self.classification.scores[self.class_index])
+        return float(self.prediction.scores[self.class_index])
 
     @cached_property
     def _areas(self) -> NDArray[np.float64]:
@@ -104,10 +106,12 @@ def explain(
     explained_class(config.classes, config.pooling, label)
     mesh, timings = classifier.read(source, name)
     passed = classifier.run(mesh, timings)
-    result = passed.classification
+    result = passed.prediction
+    timings = dict(result.timings_ms)
     index = result.ranking[0] if label is None else config.classes.index(label)
     with timed(timings, "explain"):
         placed = passed.prepared.moved(passed.placement.into_file(passed.prepared.vertices))
         added = onto_file(passed.contributions(index), placed, mesh)
     bias = float(result.scores[index]) - float(passed.evidence[:, index].mean(dtype=np.float64))
+    result = dataclasses.replace(result, timings_ms=timings)
     return Explanation(result, index, mesh, added, bias)

@@ -8,6 +8,7 @@ from meshconv3d.service.evidence.explanation import Explanation
 from meshconv3d.service.evidence.glb import to_glb
 from meshconv3d.service.evidence.ply import to_ply
 from meshconv3d.service.evidence.records import explained_answer
+from meshconv3d.service.records import to_json
 
 
 @dataclass(frozen=True)
@@ -20,7 +21,7 @@ class Form:
 
 
 def _to_json(file: str | None, explanation: Explanation) -> bytes:
-    return explained_answer(file, explanation).model_dump_json(by_alias=True).encode()
+    return to_json(explained_answer(file, explanation))
 
 
 # By file extension; the first is the default.

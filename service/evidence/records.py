@@ -4,7 +4,8 @@ from pydantic import BaseModel, Field
 
 from meshconv3d.service.evidence.colours import legend_colours
 from meshconv3d.service.evidence.explanation import Explanation
-from meshconv3d.service.records import Answer, ModelId, answer, model_id
+from meshconv3d.service.prediction import ModelId
+from meshconv3d.service.records import Answer, answer
 
 
 class Legend(BaseModel):
@@ -48,7 +49,7 @@ def legend(file: str | None, explanation: Explanation) -> Legend:
         bias=explanation.bias,
         limit=explanation.limit,
         colours=legend_colours(),
-        model=model_id(explanation.classification),
+        model=explanation.prediction.model,
     )
 
 
@@ -59,4 +60,4 @@ def explained_answer(file: str | None, explanation: Explanation) -> ExplainedAns
         contributions=explanation.contributions.tolist(),
         densities=explanation.densities.tolist(),
     )
-    return ExplainedAnswer(**dict(answer(file, explanation.classification)), evidence=evidence)
+    return ExplainedAnswer(**dict(answer(file, explanation.prediction)), evidence=evidence)

@@ -21,11 +21,11 @@ def card_routes(serving: Serving) -> APIRouter:
     @router.get("/models", responses=problems(401))
     async def models() -> dict:
         """The models that are served, each with its card; the first is the default."""
-        return {"models": list(serving.pool.models.values())}
+        return {"models": [info.to_dict() for info in serving.pool.models.values()]}
 
     @router.get("/models/{name}", responses=problems(401, 404))
     async def model(name: str) -> dict:
         """The card of one model."""
-        return serving.card(name)
+        return serving.model(name).to_dict()
 
     return router

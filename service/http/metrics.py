@@ -68,8 +68,8 @@ class Metrics:
             ["name", "sha256"],
             registry=self.registry,
         )
-        for name, card in pool.models.items():
-            models.labels(name, card["sha256"]).set(1)
+        for name, info in pool.models.items():
+            models.labels(name, info.sha256).set(1)
 
     def observe(self, route: str, status: int, seconds: float, notes: Notes) -> None:
         """Count one request that is over."""

@@ -21,7 +21,7 @@ from meshconv3d.service.evidence import NotExplained
 from meshconv3d.service.http.admission import Full
 from meshconv3d.service.http.errors import TooLarge, Unreadable, UploadTooSlow
 from meshconv3d.service.http.notes import notes_of
-from meshconv3d.service.records import Reason
+from meshconv3d.service.prediction import Failure
 from meshconv3d.service.workers import DeadlineExceeded
 
 PROBLEM_JSON = "application/problem+json"
@@ -113,17 +113,17 @@ def install_problem_handlers(app: FastAPI) -> None:
         return problem(request, HTTPStatus.INTERNAL_SERVER_ERROR, why.fault, why.message)
 
 
-def reason(error: Exception) -> Reason:
+def reason(error: Exception) -> Failure:
     """Why a mesh could not be classified, whichever error says so."""
     if isinstance(error, MeshError):
-        return Reason(fault=error.fault, message=str(error))
+        return Failure.of(error)
     if isinstance(error, Full):
-        return Reason(fault="full", message=str(error))
+        return Failure("full", str(error))
     if isinstance(error, DeadlineExceeded):
         message = "there was no answer within the deadline; simplify the mesh, or try again later"
-        return Reason(fault="deadline", message=message)
+        return Failure("deadline", message)
     message = "the service failed on this request; report it with the request id"
-    return Reason(fault="internal", message=message)
+    return Failure("internal", message)
 
 
 async def full(request: Request, error: Full) -> JSONResponse:

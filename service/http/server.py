@@ -52,7 +52,7 @@ def run(settings: Settings, pool: WorkerPool) -> None:
     log.info(
         "serving %s with %d workers",
         *(", ".join(pool.models), settings.workers),
-        extra={"models": {name: card["sha256"] for name, card in pool.models.items()}},
+        extra={"models": {name: info.sha256 for name, info in pool.models.items()}},
     )
     gc.freeze()  # what is there by now stays: it need not be gone through again and again
     gc.set_threshold(GARBAGE_THRESHOLD)

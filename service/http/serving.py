@@ -3,7 +3,6 @@
 import traceback
 from collections.abc import AsyncIterator, Awaitable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from fastapi import HTTPException, Request
 from starlette.requests import ClientDisconnect
@@ -14,11 +13,13 @@ from meshconv3d.service.http.metrics import Metrics
 from meshconv3d.service.http.notes import notes_of
 from meshconv3d.service.http.problems import reason
 from meshconv3d.service.http.waiting import result_of
+from meshconv3d.service.models import ModelInfo
+from meshconv3d.service.prediction import Prediction
 from meshconv3d.service.settings import Settings
-from meshconv3d.service.workers import Job, Record, Work, WorkerPool
+from meshconv3d.service.workers import Job, Task, WorkerPool
 
-# A mesh's record, or why it has none.
-Outcome = Record | Exception
+# A mesh's prediction, or the error that it has instead.
+Outcome = Prediction | Exception
 
 
 @dataclass(frozen=True)
@@ -35,8 +36,8 @@ class Serving:
         """Whether there is a worker that gave a known mesh its scores, and work is taken."""
         return self.pool.alive > 0 and self.admission.open
 
-    def card(self, name: str | None) -> dict[str, Any]:
-        """The card of a model that is served; with None, of the first. Raises HTTPException."""
+    def model(self, name: str | None) -> ModelInfo:
+        """A model that is served; with None, the first. Raises HTTPException."""
         if name is None:
             name = next(iter(self.pool.models))
         if name not in self.pool.models:
@@ -44,24 +45,24 @@ class Serving:
             raise HTTPException(404, f"no model {name!r} is served here, but {names}")
         return self.pool.models[name]
 
-    async def record(self, request: Request, work: Work) -> Record:
+    async def predict(self, request: Request, task: Task) -> Prediction:
         """Classify the one mesh of a request. Raises what `WorkerPool.submit` says, or Full."""
-        jobs = await self.submit(request, [work])
+        jobs = await self.submit(request, [task])
         [outcome] = [outcome async for outcome in self.outcomes(request, jobs)]
         if isinstance(outcome, Exception):
             raise outcome
         return outcome
 
-    async def submit(self, request: Request, works: Sequence[Work]) -> list[Job]:
+    async def submit(self, request: Request, tasks: Sequence[Task]) -> list[Job]:
         """Queue all meshes of a request. What has not begun when it ends is taken back.
 
         Raises Full, and then none is queued.
         """
         visit: Visit = request.state.visit
-        visit.take_on(len(works))
-        for work in works:
-            await notes_of(request).add_content(work.content)
-        visit.jobs += [self.pool.submit(work, visit.expires) for work in works]
+        visit.take_on(len(tasks))
+        for task in tasks:
+            await notes_of(request).add_content(task.content)
+        visit.jobs += [self.pool.submit(task, visit.expires) for task in tasks]
         return visit.jobs
 
     async def outcomes(self, request: Request, jobs: Sequence[Job]) -> AsyncIterator[Outcome]:
@@ -79,13 +80,14 @@ class Serving:
                 notes.outcomes.append(reason(outcome).fault)
             else:
                 notes.outcomes.append("")
+                notes.stages.append(("queue", job.waited))
                 notes.stages += [(s, ms / 1000) for s, ms in outcome.timings_ms.items()]
             yield outcome
 
 
-async def _outcome(record: Awaitable[Record]) -> Outcome:
+async def _outcome(prediction: Awaitable[Prediction]) -> Outcome:
     try:
-        return await record
+        return await prediction
     except ClientDisconnect:
         raise
     except Exception as error:

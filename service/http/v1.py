@@ -17,8 +17,8 @@ from meshconv3d.service.http.notes import notes_of
 from meshconv3d.service.http.problems import reason
 from meshconv3d.service.http.serving import Outcome, Serving
 from meshconv3d.service.http.uploads import Upload, read_upload, read_uploads
-from meshconv3d.service.records import Answer, Refusal
-from meshconv3d.service.workers import Record, TaskFailed, Wanted, Work
+from meshconv3d.service.records import Answer, record, to_json
+from meshconv3d.service.workers import ExplanationOptions, Task, TaskFailed
 
 log = logging.getLogger(__name__)
 
@@ -40,10 +40,11 @@ def v1_routes(serving: Serving) -> APIRouter:
     async def classify(request: Request) -> Response:
         """Classify one mesh: the form field `file`, or a raw body with a model media type."""
         asked = read_query(request, Asked)
-        model = serving.card(asked.model)["name"]
+        model = serving.model(asked.model).card.name
         upload = await read_upload(request)
-        record = await serving.record(request, _work(upload, model, asked.top))
-        return Response(record.content, media_type="application/json")
+        prediction = await serving.predict(request, _task(upload, model))
+        content = to_json(record(upload.name, prediction, asked.top))
+        return Response(content, media_type="application/json")
 
     @router.post(
         "/classify/batch",
@@ -61,12 +62,12 @@ def v1_routes(serving: Serving) -> APIRouter:
         """Classify several meshes: the form fields `file`. Each is answered by a line as soon as it
         and those before it are done; one that cannot be classified says why in its line."""
         asked = read_query(request, Asked)
-        model = serving.card(asked.model)["name"]
+        model = serving.model(asked.model).card.name
         uploads = await read_uploads(request, serving.settings.max_request_meshes)
-        works = [_work(upload, model, asked.top) for upload in uploads]
-        jobs = await serving.submit(request, works)
+        tasks = [_task(upload, model) for upload in uploads]
+        jobs = await serving.submit(request, tasks)
         names = [upload.name for upload in uploads]
-        lines = _lines(names, serving.outcomes(request, jobs))
+        lines = _lines(names, serving.outcomes(request, jobs), asked.top)
         return _Lines(lines, media_type=JSON_LINES)
 
     @router.post(
@@ -85,15 +86,15 @@ def v1_routes(serving: Serving) -> APIRouter:
         as JSON.
         """
         asked = read_query(request, AskedWhy)
-        card = serving.card(asked.model)
-        explained_class(card["config"]["classes"], card["config"]["pooling"], asked.label)
+        card = serving.model(asked.model).card
+        explained_class(card.config.classes, card.config.pooling, asked.label)
         form = _acceptable_form(request)
         upload = await read_upload(request)
-        wanted = Wanted(form, asked.label)
-        work = Work(card["name"], upload.content, upload.name, upload.declared, wanted=wanted)
-        record = await serving.record(request, work)
+        options = ExplanationOptions(form, asked.label)
+        task = Task(card.name, upload.content, upload.name, upload.declared, options)
+        prediction = await serving.predict(request, task)
         headers = {"vary": "accept"}
-        return Response(record.content, media_type=FORMS[form].media_type, headers=headers)
+        return Response(prediction.explanation, media_type=FORMS[form].media_type, headers=headers)
 
     return router
 
@@ -107,8 +108,8 @@ def _acceptable_form(request: Request) -> str:
     return by_type[media_type]
 
 
-def _work(upload: Upload, model: str, top: int | None) -> Work:
-    return Work(model, upload.content, upload.name, upload.declared, top)
+def _task(upload: Upload, model: str) -> Task:
+    return Task(model, upload.content, upload.name, upload.declared)
 
 
 class _Lines(StreamingResponse):
@@ -122,17 +123,16 @@ class _Lines(StreamingResponse):
 
 
 async def _lines(
-    names: Sequence[str | None], outcomes: AsyncIterator[Outcome]
+    names: Sequence[str | None], outcomes: AsyncIterator[Outcome], top: int | None
 ) -> AsyncIterator[bytes]:
     """The outcomes as JSON Lines, each file's under its name."""
     remaining = iter(names)
     async for outcome in outcomes:
-        yield _line(next(remaining), outcome) + b"\n"
+        yield _line(next(remaining), outcome, top) + b"\n"
 
 
-def _line(name: str | None, outcome: Outcome) -> bytes:
-    if isinstance(outcome, Record):
-        return outcome.content
+def _line(name: str | None, outcome: Outcome, top: int | None) -> bytes:
     if isinstance(outcome, TaskFailed):
         log.error("one mesh of a batch failed: %s", outcome)
-    return Refusal(file=name, error=reason(outcome)).model_dump_json().encode()
+    result = reason(outcome) if isinstance(outcome, Exception) else outcome
+    return to_json(record(name, result, top))

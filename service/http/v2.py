@@ -24,7 +24,9 @@ from meshconv3d.service.http.problems import STATUSES, problem
 from meshconv3d.service.http.serving import Serving
 from meshconv3d.service.http.tensors import JSON_LENGTH, Output, answer, read_request
 from meshconv3d.service.http.uploads import BodyReader
-from meshconv3d.service.workers import Record, Work
+from meshconv3d.service.models import ModelInfo
+from meshconv3d.service.prediction import Prediction
+from meshconv3d.service.workers import Task
 
 INPUTS = ({"name": "mesh", "datatype": "BYTES"}, {"name": "name", "datatype": "BYTES"})
 
@@ -54,12 +56,12 @@ def v2_routes(serving: Serving) -> APIRouter:
     @router.get("/models/{name}", responses=inference_errors(401, 404))
     async def model(name: str) -> dict:
         """The tensors of a model; -1 is any number."""
-        return _metadata(serving.card(name))
+        return _metadata(serving.model(name))
 
     @router.get("/models/{name}/ready", responses=inference_errors(401, 404) | not_ready)
     async def model_ready(name: str) -> JSONResponse:
         """Whether a model is ready: all are, or none."""
-        serving.card(name)
+        serving.model(name)
         return JSONResponse({"name": name, "ready": serving.ready}, 200 if serving.ready else 503)
 
     @router.post(
@@ -72,22 +74,22 @@ def v2_routes(serving: Serving) -> APIRouter:
     )
     async def infer(request: Request, name: str) -> Response:
         """Classify the meshes of a tensor, all or none: an error names the first that failed."""
-        card = serving.card(name)
+        model = serving.model(name)
         inference, tensors = await read_request(
             BodyReader(request).read,
             request.headers.get(JSON_LENGTH),
             serving.settings.max_request_meshes,
         )
-        jobs = await serving.submit(request, _works(name, tensors))
-        records = []
+        jobs = await serving.submit(request, _tasks(name, tensors))
+        predictions = []
         async for outcome in serving.outcomes(request, jobs):
             if isinstance(outcome, MeshError):
-                detail = f"mesh[{len(records)}]: {outcome.fault}: {outcome}"
+                detail = f"mesh[{len(predictions)}]: {outcome.fault}: {outcome}"
                 return problem(request, STATUSES[type(outcome)], outcome.fault, detail)
             if isinstance(outcome, Exception):
                 raise outcome
-            records.append(outcome)
-        body, json_length = answer(inference, name, _outputs(card, records))
+            predictions.append(outcome)
+        body, json_length = answer(inference, name, _outputs(model, predictions))
         if json_length is None:
             return Response(body, media_type="application/json")
         headers = {JSON_LENGTH: str(json_length)}
@@ -96,20 +98,20 @@ def v2_routes(serving: Serving) -> APIRouter:
     return router
 
 
-def _metadata(card: Mapping[str, Any]) -> dict[str, Any]:
+def _metadata(model: ModelInfo) -> dict[str, Any]:
     """What a model's metadata says of its tensors, which are those of an empty answer."""
-    outputs = [output.describe() for output in _outputs(card, []).values()]
+    outputs = [output.describe() for output in _outputs(model, []).values()]
     for output in outputs:
         output["shape"] = [n or -1 for n in output["shape"]]
     return {
-        "name": card["name"],
+        "name": model.card.name,
         "platform": "meshconv3d",
         "inputs": [tensor | {"shape": [-1]} for tensor in INPUTS],
         "outputs": outputs,
     }
 
 
-def _works(model: str, tensors: Mapping[str, Sequence[bytes]]) -> list[Work]:
+def _tasks(model: str, tensors: Mapping[str, Sequence[bytes]]) -> list[Task]:
     """The work in the tensors of a request. Raises MalformedFile where they are others."""
     names = [tensor["name"] for tensor in INPUTS]
     if "mesh" not in tensors or not set(tensors) <= set(names):
@@ -122,7 +124,7 @@ def _works(model: str, tensors: Mapping[str, Sequence[bytes]]) -> list[Work]:
             "bad-request", f"{len(contents)} meshes come with {len(declared)} names"
         )
     return [
-        Work(model, content, None, _declared(name.decode(errors="replace")))
+        Task(model, content, None, _declared(name.decode(errors="replace")))
         for content, name in zip(contents, declared, strict=True)
     ]
 
@@ -132,18 +134,18 @@ def _declared(name: str) -> str | None:
     return name if name.lower() in FORMATS else PurePath(name).suffix or None
 
 
-def _outputs(card: Mapping[str, Any], records: Sequence[Record]) -> dict[str, Output]:
+def _outputs(model: ModelInfo, results: Sequence[Prediction]) -> dict[str, Output]:
     """The tensors of n results. `unknown` is there if the model has a limit for it."""
-    classes = card["config"]["classes"]
-    shape = len(records), len(classes)
-    scores = np.array([record.scores for record in records], np.float32).reshape(shape)
-    probabilities = np.array([record.probabilities for record in records], np.float32)
+    classes = model.card.config.classes
+    shape = len(results), len(classes)
+    scores = np.array([result.scores for result in results], np.float32).reshape(shape)
+    probabilities = np.array([result.probabilities for result in results], np.float32)
     outputs = [
         Output("scores", scores),
         Output("probabilities", probabilities.reshape(shape)),
-        Output("class", [record.label for record in records]),
+        Output("class", [result.label for result in results]),
         Output("classes", classes),
     ]
-    if card["calibration"] is not None:
-        outputs.append(Output("unknown", np.array([record.unknown for record in records], bool)))
+    if model.card.calibration is not None:
+        outputs.append(Output("unknown", np.array([result.unknown for result in results], bool)))
     return {output.name: output for output in outputs}

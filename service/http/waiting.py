@@ -7,13 +7,14 @@ from starlette.requests import ClientDisconnect, Request
 
 from meshconv3d.service.http.admission import Full
 from meshconv3d.service.http.gate import Visit
-from meshconv3d.service.workers import DeadlineExceeded, Job, Record
+from meshconv3d.service.prediction import Prediction
+from meshconv3d.service.workers import DeadlineExceeded, Job
 
 # How often it is asked whether the client is still there, in seconds.
 POLL_SECONDS = 0.25
 
 
-async def result_of(job: Job, request: Request) -> Record:
+async def result_of(job: Job, request: Request) -> Prediction:
     """The result of work that a request has in the pool.
 
     Work that has not begun, or has lost its worker, is dropped when its deadline has passed, and
@@ -29,7 +30,7 @@ async def result_of(job: Job, request: Request) -> Record:
         raise Full("the service was stopped", 1, pause=0.0) from None
 
 
-async def _result_of(job: Job, request: Request) -> Record:
+async def _result_of(job: Job, request: Request) -> Prediction:
     visit: Visit = request.state.visit
     answer = job.future
     while not answer.done():

@@ -8,20 +8,19 @@ of them, for an event loop; `threads` is the same for those who have none. None 
 
 from meshconv3d.service.workers.jobs import Job
 from meshconv3d.service.workers.pool import WorkerPool
-from meshconv3d.service.workers.tasks import Record, Setup, TaskFailed, Wanted, Work, record_of
+from meshconv3d.service.workers.tasks import ExplanationOptions, Setup, Task, TaskFailed, predict
 from meshconv3d.service.workers.threads import ThreadedPool
 from meshconv3d.service.workers.worker import DeadlineExceeded, NotStarted
 
 __all__ = [
     "DeadlineExceeded",
+    "ExplanationOptions",
     "Job",
     "NotStarted",
-    "Record",
     "Setup",
+    "Task",
     "TaskFailed",
     "ThreadedPool",
-    "Wanted",
-    "Work",
     "WorkerPool",
-    "record_of",
+    "predict",
 ]

@@ -4,18 +4,20 @@ import asyncio
 import time
 from collections import deque
 
-from meshconv3d.service.workers.tasks import Record, Work
+from meshconv3d.service.prediction import Prediction
+from meshconv3d.service.workers.tasks import Task
 
 
 class Job:
     """Work until it is done or cancelled. expires: on the monotonic clock, or None: some time after
     its beginning."""
 
-    def __init__(self, work: Work, expires: float | None) -> None:
-        self.work: Work | None = work
+    def __init__(self, work: Task, expires: float | None) -> None:
+        self.work: Task | None = work
         self.queued = time.perf_counter()
+        self.waited = 0.0  # seconds in the queue
         self.expires = expires
-        self.future: asyncio.Future[Record] = asyncio.get_running_loop().create_future()
+        self.future: asyncio.Future[Prediction] = asyncio.get_running_loop().create_future()
         self.future.add_done_callback(self._forget)
         # Workers that have begun with it.
         self.attempts = 0
@@ -37,7 +39,7 @@ class Job:
             return False
         return self.future.cancel()
 
-    def answer(self, record: Record) -> None:
+    def answer(self, record: Prediction) -> None:
         """Tell whoever waits for it."""
         if not self.future.done():
             self.future.set_result(record)
@@ -48,7 +50,7 @@ class Job:
             self.future.set_exception(error)
             self.future.exception()  # it is no fault if nobody waits any more
 
-    def _forget(self, _: asyncio.Future[Record]) -> None:
+    def _forget(self, _: asyncio.Future[Prediction]) -> None:
         self.work = None  # what is cancelled may stay in the queue for long, its bytes may not
 
 

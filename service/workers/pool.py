@@ -2,12 +2,12 @@
 
 import asyncio
 from concurrent.futures import Future
-from typing import Any
 
 from meshconv3d.export.metadata import ModelFileError
+from meshconv3d.service.models import ModelInfo
 from meshconv3d.service.workers.jobs import Job, Jobs
 from meshconv3d.service.workers.seat import Seat
-from meshconv3d.service.workers.tasks import Setup, Work
+from meshconv3d.service.workers.tasks import Setup, Task
 from meshconv3d.service.workers.worker import Worker, start_worker
 
 # How long to wait for seats that are told of the end, in seconds.
@@ -19,9 +19,9 @@ class WorkerPool:
 
     >>> pool = WorkerPool(Setup([ModelFile.read("shrec11")], Limits(), 2**31, 30), workers=2)
     >>> pool.start()
-    >>> async def classify() -> Record:
+    >>> async def classify() -> Prediction:
     ...     pool.attach()
-    ...     return await pool.submit(Work("shrec11", content, None, "obj")).future
+    ...     return await pool.submit(Task("shrec11", content, None, "obj")).future
     """
 
     def __init__(self, setup: Setup, workers: int) -> None:
@@ -30,7 +30,7 @@ class WorkerPool:
         self._jobs = Jobs()
         self._seats: list[Seat] = []
         self._tasks: list[asyncio.Task[None]] = []
-        self.models: dict[str, dict[str, Any]] = {}
+        self.models: dict[str, ModelInfo] = {}
 
     def start(self) -> None:
         """Start all workers and wait until they are warm; then `models` says what they serve.
@@ -52,11 +52,11 @@ class WorkerPool:
         """Have the event loop that runs, and no other, hand work to the workers."""
         self._tasks = [asyncio.create_task(seat.run()) for seat in self._seats]
 
-    def submit(self, work: Work, expires: float | None = None) -> Job:
+    def submit(self, work: Task, expires: float | None = None) -> Job:
         """Queue one mesh, to be classified by `expires` on the monotonic clock; with None, within
         the setup's seconds of when a worker begins with it.
 
-        The job's future gives a record, with `queue` among its timings, or raises MeshError,
+        The job's future gives a prediction, or raises MeshError,
         DeadlineExceeded or TaskFailed. Work that waits can be cancelled, and is forgotten at once;
         what runs, runs on to its deadline: to end it costs more than to finish it.
         """
@@ -94,9 +94,9 @@ def _end(started: Future[Worker]) -> None:
         started.result().end()
 
 
-def _by_name(models: list[dict[str, Any]]) -> dict[str, dict[str, Any]]:
-    by_name = {model["name"]: model for model in models}
+def _by_name(models: list[ModelInfo]) -> dict[str, ModelInfo]:
+    by_name = {model.card.name: model for model in models}
     if len(by_name) < len(models):
-        names = ", ".join(model["name"] for model in models)
+        names = ", ".join(model.card.name for model in models)
         raise ModelFileError(f"models are told apart by their names, but these are: {names}")
     return by_name

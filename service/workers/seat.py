@@ -1,13 +1,13 @@
 """What keeps one worker at work, and replaces it when it dies."""
 
 import asyncio
-import dataclasses
 import logging
 import time
 from contextlib import suppress
 
+from meshconv3d.service.prediction import Prediction
 from meshconv3d.service.workers.jobs import Job, Jobs
-from meshconv3d.service.workers.tasks import Record, Setup, Work
+from meshconv3d.service.workers.tasks import Setup, Task
 from meshconv3d.service.workers.worker import (
     DeadlineExceeded,
     NotStarted,
@@ -92,7 +92,7 @@ class Seat:
             return
         work = job.work
         assert work is not None
-        waited = round((time.perf_counter() - job.queued) * 1000, 3)
+        job.waited = time.perf_counter() - job.queued
         try:
             record = await self._classify(work, expires, worker, number)
         except NotStarted:
@@ -105,8 +105,7 @@ class Seat:
             # Its traceback would keep this frame, with all the bytes, and the frame the error.
             job.fail(error.with_traceback(None))
         else:
-            timings = {"queue": waited, **record.timings_ms}
-            job.answer(dataclasses.replace(record, timings_ms=timings))
+            job.answer(record)
 
     async def _drop(self, worker: Worker, number: int, expires: float) -> None:
         """See that the worker is free of work for which nobody waits any more.
@@ -119,8 +118,8 @@ class Seat:
                 await self._answer(worker, number, expires)
 
     async def _classify(
-        self, work: Work, expires: float, worker: Worker, number: int | None
-    ) -> Record:
+        self, work: Task, expires: float, worker: Worker, number: int | None
+    ) -> Prediction:
         """The record of work that the worker has under a number, or with None, is yet to be given.
 
         Raises MeshError, of which a crash is one; DeadlineExceeded; TaskFailed; NotStarted.
@@ -131,7 +130,7 @@ class Seat:
             number = worker.hand_over(work)
         return await self._answer(worker, number, expires)
 
-    async def _answer(self, worker: Worker, number: int, expires: float) -> Record:
+    async def _answer(self, worker: Worker, number: int, expires: float) -> Prediction:
         """The answer to what the worker does now, which is handed what it is to do next."""
         next_job = self._jobs.take_ahead(AHEAD_BYTES)
         if next_job is not None:

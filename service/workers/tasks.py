@@ -3,23 +3,20 @@
 Only plain values cross the border between the processes, and only errors that survive it.
 """
 
+import dataclasses
 import gc
 import signal
 import traceback
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 
 from meshconv3d.model.errors import MeshError, UnusableMesh
 from meshconv3d.model.loading import Limits
 from meshconv3d.model.mesh import Mesh
-from meshconv3d.service.classifier import Classification, Classifier
+from meshconv3d.service.classifier import Classifier
 from meshconv3d.service.evidence import FORMS, explain
-from meshconv3d.service.models import ModelFile
-from meshconv3d.service.records import answer
+from meshconv3d.service.models import ModelFile, ModelInfo
+from meshconv3d.service.prediction import Prediction
 from meshconv3d.service.workers.limits import limit_cpu, limit_memory
 
 # Of text that goes from process to process.
@@ -29,7 +26,7 @@ MOST_BYTES_PER_CHARACTER = 4
 @dataclass(frozen=True)
 class Setup:
     """What every worker is given at its start. memory_bytes: what one mesh may take, above what
-    the models take; seconds: how long one task may compute; pictured: whether records have a
+    the models take; seconds: how long one task may compute; pictured: whether results have a
     picture, which needs an extra."""
 
     models: Sequence[ModelFile]
@@ -40,16 +37,15 @@ class Setup:
 
 
 @dataclass(frozen=True)
-class Work:
-    """One mesh to classify. file: its name, for the record; declared: what tells its format, or
-    None; top: only so many classes; wanted: what is to be explained, or None."""
+class Task:
+    """One mesh to classify. model: name of a model of the setup. file: name for the legend of an
+    explanation, or None. declared: extension or media type, or None. explanation: None for none."""
 
     model: str
     content: bytes
     file: str | None
     declared: str | None
-    top: int | None = None
-    wanted: "Wanted | None" = None
+    explanation: "ExplanationOptions | None" = None
 
     @property
     def size(self) -> int:
@@ -59,31 +55,11 @@ class Work:
 
 
 @dataclass(frozen=True)
-class Wanted:
+class ExplanationOptions:
     """An explanation in one of `service.evidence.FORMS`, of the class `label` or the likeliest."""
 
     form: str
     label: str | None
-
-
-@dataclass(frozen=True)
-class Record:
-    """What leaves, and what else is to be known of it.
-
-    content: an `Answer` in JSON, or an explanation in its form. timings_ms: how long each stage
-    took, in milliseconds. picture: a PNG of the prepared mesh, or None.
-
-    scores, probabilities: N_c float32, in the order of the model's classes; label: the likeliest;
-    unknown: None for a model without a limit.
-    """
-
-    content: bytes
-    timings_ms: dict[str, float]
-    label: str
-    unknown: bool | None
-    scores: NDArray[np.float32]
-    probabilities: NDArray[np.float32]
-    picture: bytes | None = None
 
 
 class TaskFailed(Exception):
@@ -101,10 +77,10 @@ class _Worker:
 _worker: _Worker
 
 
-def warm_up(setup: Setup) -> list[dict[str, Any]]:
+def warm_up(setup: Setup) -> list[ModelInfo]:
     """Make this process a worker: open every model, test it, and take on the limits.
 
-    Returns what each model says of itself. Raises ModelFileError or SelfTestError.
+    Returns the card of each model. Raises ModelFileError or SelfTestError.
     """
     global _worker
     signal.signal(signal.SIGTERM, signal.SIG_IGN)  # as in `origin`
@@ -116,17 +92,17 @@ def warm_up(setup: Setup) -> list[dict[str, Any]]:
     gc.freeze()  # the libraries' objects need not be gone through again and again
     limit_memory(setup.memory_bytes)
     _worker = _Worker(setup, {c.model.card.name: c for c in classifiers})
-    return [classifier.model.describe() for classifier in classifiers]
+    return [classifier.model.info for classifier in classifiers]
 
 
-def classify(work: Work) -> Record:
+def classify(task: Task) -> Prediction:
     """Classify one mesh in a process that is warm, and explain it where that is wanted.
 
     Raises MeshError or TaskFailed.
     """
     limit_cpu(_worker.setup.seconds)
     try:
-        return record_of(work, _worker.classifiers[work.model], _worker.setup.pictured)
+        return predict(task, _worker.classifiers[task.model], _worker.setup.pictured)
     except MeshError as error:
         # A reader takes whatever goes wrong in it for a damaged file.
         if isinstance(error.__cause__, MemoryError):
@@ -139,30 +115,16 @@ def classify(work: Work) -> Record:
         raise TaskFailed(_where(error)) from None
 
 
-def record_of(work: Work, classifier: Classifier, pictured: bool) -> Record:
-    """Classify one mesh, or explain it, in whichever process this is.
-
-    Raises what the classifier raises.
-    """
-    if work.wanted is not None:
-        found = explain(classifier, work.content, work.declared, work.wanted.label)
-        return _record(found.classification, FORMS[work.wanted.form].write(work.file, found))
-    passed = classifier.run(*classifier.read(work.content, work.declared))
-    result = passed.classification
-    content = answer(work.file, result, work.top).model_dump_json(by_alias=True).encode()
-    return _record(result, content, _picture(passed.prepared) if pictured else None)
-
-
-def _record(result: Classification, content: bytes, picture: bytes | None = None) -> Record:
-    return Record(
-        content,
-        result.timings_ms,
-        result.label,
-        result.unknown,
-        result.scores,
-        result.probabilities.astype(np.float32),
-        picture,
-    )
+def predict(task: Task, classifier: Classifier, pictured: bool) -> Prediction:
+    """Classify one mesh, or explain it, in this process. Raises what the classifier raises."""
+    if task.explanation is not None:
+        found = explain(classifier, task.content, task.declared, task.explanation.label)
+        content = FORMS[task.explanation.form].write(task.file, found)
+        return dataclasses.replace(found.prediction, explanation=content)
+    passed = classifier.run(*classifier.read(task.content, task.declared))
+    if not pictured:
+        return passed.prediction
+    return dataclasses.replace(passed.prediction, picture=_picture(passed.prepared))
 
 
 def _picture(mesh: Mesh) -> bytes:

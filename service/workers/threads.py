@@ -3,10 +3,11 @@
 import asyncio
 import threading
 from concurrent.futures import Future
-from typing import Any
 
+from meshconv3d.service.models import ModelInfo
+from meshconv3d.service.prediction import Prediction
 from meshconv3d.service.workers.pool import WorkerPool
-from meshconv3d.service.workers.tasks import Record, Setup, Work
+from meshconv3d.service.workers.tasks import Setup, Task
 
 
 class ThreadedPool:
@@ -14,7 +15,7 @@ class ThreadedPool:
 
     >>> pool = ThreadedPool(Setup([ModelFile.read("shrec11")], Limits(), 2**31, 30), workers=2)
     >>> pool.start()
-    >>> pool.submit(Work("shrec11", content, None, "obj")).result().content
+    >>> pool.submit(Task("shrec11", content, None, "obj")).result().label
     """
 
     def __init__(self, setup: Setup, workers: int) -> None:
@@ -22,7 +23,7 @@ class ThreadedPool:
         self._loop: asyncio.AbstractEventLoop | None = None
 
     @property
-    def models(self) -> dict[str, dict[str, Any]]:
+    def models(self) -> dict[str, ModelInfo]:
         """See `WorkerPool.start`."""
         return self._pool.models
 
@@ -44,12 +45,12 @@ class ThreadedPool:
         # It goes on after a close, so that nobody waits for ever who comes after that.
         threading.Thread(target=self._loop.run_forever, daemon=True, name="worker-pool").start()
 
-    def submit(self, work: Work, expires: float | None = None) -> Future[Record]:
+    def submit(self, work: Task, expires: float | None = None) -> Future[Prediction]:
         """See `WorkerPool.submit`. The future is cancelled where the pool is closed before."""
         assert self._loop is not None, "the pool has not started"
         return asyncio.run_coroutine_threadsafe(self._record(work, expires), self._loop)
 
-    async def _record(self, work: Work, expires: float | None) -> Record:
+    async def _record(self, work: Task, expires: float | None) -> Prediction:
         job = self._pool.submit(work, expires)
         del work  # or an error would keep it, by its traceback and this frame
         return await job.future

@@ -13,12 +13,13 @@ from concurrent.futures import Future
 from contextlib import contextmanager
 from multiprocessing import resource_tracker
 from multiprocessing.context import ForkServerContext
-from typing import Any
 
 from meshconv3d.model.errors import UnusableMesh
+from meshconv3d.service.models import ModelInfo
+from meshconv3d.service.prediction import Prediction
 from meshconv3d.service.workers.frames import LENGTH, framed, read_frame, value_of
 from meshconv3d.service.workers.process import WARM_UP, run
-from meshconv3d.service.workers.tasks import Record, Setup, Work
+from meshconv3d.service.workers.tasks import Setup, Task
 
 # Compiling the kernels, where no compiled ones are at hand, takes ten seconds.
 WARM_UP_SECONDS = 300.0
@@ -74,7 +75,7 @@ class Worker:
         finally:
             theirs.close()
         try:
-            self.models: list[dict[str, Any]] = self._warm_up()
+            self.models: list[ModelInfo] = self._warm_up()
         except (EOFError, OSError) as error:  # of which TimeoutError is one
             self.end()
             raise _not_started(error) from None
@@ -82,7 +83,7 @@ class Worker:
             self.end()
             raise
 
-    def _warm_up(self) -> list[dict[str, Any]]:
+    def _warm_up(self) -> list[ModelInfo]:
         self._socket.settimeout(WARM_UP_SECONDS)
         with self._socket.makefile("rb") as stream:
             number, error, models = read_frame(stream)
@@ -101,7 +102,7 @@ class Worker:
     def alive(self) -> bool:
         return not self.ended and self._process.is_alive()
 
-    def hand_over(self, work: Work) -> int:
+    def hand_over(self, work: Task) -> int:
         """Give it work, after what it has; the number to ask for the answer under.
 
         A process that is dead is found out when it is asked.
@@ -120,7 +121,7 @@ class Worker:
         self._taken_back.value = number
         return self._begun.value < number
 
-    async def answer(self, number: int, until: float) -> Record:
+    async def answer(self, number: int, until: float) -> Prediction:
         """The answer to this work; those before it that were not asked for are dropped.
 
         Raises the error that it is: MeshError, of which a crash is one, or TaskFailed;
@@ -138,7 +139,7 @@ class Worker:
                 raise NotStarted from None
             raise crashed(await asyncio.to_thread(self._how_it_ended)) from None
 
-    async def _answer(self, wanted: int) -> Record:
+    async def _answer(self, wanted: int) -> Prediction:
         """The answer of a number. Raises the error that it is, EOFError, OSError."""
         while True:
             number, error, value = await self._next_answer()
@@ -150,7 +151,7 @@ class Worker:
                 raise NotStarted
             return value
 
-    async def _next_answer(self) -> tuple[int, Exception | None, Record | None]:
+    async def _next_answer(self) -> tuple[int, Exception | None, Prediction | None]:
         """Whoever waits for it may give up between the two reads."""
         length = self._length
         if length is None:

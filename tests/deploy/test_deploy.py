@@ -15,6 +15,7 @@ from meshconv3d.service.http.app import create_app
 from meshconv3d.service.http.observing import Observed
 from meshconv3d.service.settings import Settings
 from meshconv3d.service.workers import Setup, WorkerPool
+from tests.results import model_info
 
 ROOT = Path(__file__).parents[2]
 DEPLOY = ROOT / "deploy"
@@ -65,7 +66,7 @@ def environment_of(name: str) -> dict[str, str | None]:
 def paths() -> set[str]:
     """The paths of the service."""
     pool = WorkerPool(Setup((), Limits(), memory_bytes=0, seconds=1.0), workers=0)
-    pool.models = {"any": {"name": "any", "sha256": "0" * 64}}
+    pool.models = {"any": model_info()}
     app = create_app(pool, Admission(9, 9999, 9.0, workers=1), Settings())
     assert isinstance(app, Observed)
     return {route.path for route in app.routes if isinstance(route, Route)}

@@ -10,7 +10,6 @@ from typing import Any
 
 import anyio
 import httpx
-import numpy as np
 import pytest
 from starlette.requests import Request
 
@@ -20,14 +19,14 @@ from meshconv3d.model.samples import sample_paths
 from meshconv3d.service.http.admission import Admission
 from meshconv3d.service.http.app import create_app
 from meshconv3d.service.settings import Settings
-from meshconv3d.service.workers import Job, Record, Setup, Work, WorkerPool
+from meshconv3d.service.workers import Job, Setup, Task, WorkerPool
 from tests.processes import held, until, workers
+from tests.results import model_info, prediction
 from tests.service.conftest import Service
 from tests.service.metrics import queue, value
 from tests.service.test_http_problems import problem_of
 
 MOST = 3
-NOTHING = np.zeros(1, np.float32)
 
 
 @pytest.fixture(scope="module")
@@ -115,11 +114,11 @@ class PatientPool(WorkerPool):
 
     def __init__(self) -> None:
         super().__init__(Setup((), Limits(), memory_bytes=0, seconds=1.0), workers=0)
-        self.models = {"any": {"name": "any", "sha256": "0" * 64}}
+        self.models = {"any": model_info()}
         self.jobs: list[Job] = []
 
-    def submit(self, work: Work, expires: float | None = None) -> Job:
-        self.jobs.append(Job(work, expires))
+    def submit(self, task: Task, expires: float | None = None) -> Job:
+        self.jobs.append(Job(task, expires))
         return self.jobs[-1]
 
 
@@ -147,8 +146,7 @@ class Played:
             await anyio.sleep(0.01)
 
     def finish(self, number: int) -> None:
-        record = Record(b"%d" % number, {}, "any", None, NOTHING, NOTHING)
-        self.pool.jobs[number].answer(record)
+        self.pool.jobs[number].answer(prediction(number, -1.0))
 
     async def _receive(self) -> dict:
         if not self._asked:
@@ -167,10 +165,11 @@ def test_lines_leave_as_soon_as_they_and_those_before_are_done() -> None:
         async with anyio.create_task_group() as group:
             group.start_soon(played.run)
             await played.begun()
-            for done, expected in ((1, b""), (0, b"0\n1\n"), (2, b"0\n1\n2\n")):
+            for done, expected in ((1, []), (0, [0, 1]), (2, [0, 1, 2])):
                 played.finish(done)
                 await anyio.sleep(0.6)  # longer than anyone looks away
-                assert b"".join(played.sent) == expected
+                lines = map(json.loads, b"".join(played.sent).splitlines())
+                assert [line["scores"][0]["score"] for line in lines] == expected
 
     anyio.run(play)
 

@@ -12,8 +12,9 @@ from meshconv3d.model.loading import Limits
 from meshconv3d.service.http.admission import Admission
 from meshconv3d.service.http.app import create_app
 from meshconv3d.service.settings import Settings
-from meshconv3d.service.workers import Job, Setup, Work, WorkerPool
+from meshconv3d.service.workers import Job, Setup, Task, WorkerPool
 from meshconv3d.service.workers.tasks import TaskFailed
+from tests.results import model_info
 from tests.service.conftest import LIMIT, Service
 
 STL = {"content-type": "model/stl"}
@@ -155,10 +156,10 @@ class FailingPool(WorkerPool):
     def __init__(self) -> None:
         setup = Setup((), Limits(), memory_bytes=0, seconds=1.0)
         super().__init__(setup, workers=0)
-        self.models = {"any": {"name": "any", "sha256": "0" * 64}}
+        self.models = {"any": model_info()}
 
-    def submit(self, work: Work, expires: float | None = None) -> Job:
-        job = Job(work, expires)
+    def submit(self, task: Task, expires: float | None = None) -> Job:
+        job = Job(task, expires)
         job.fail(TaskFailed("at a secret place"))
         return job
 

@@ -7,7 +7,7 @@ from functools import wraps
 import anyio
 
 from meshconv3d.service.workers.jobs import Job, Jobs
-from meshconv3d.service.workers.tasks import Work
+from meshconv3d.service.workers.tasks import Task
 
 
 def in_a_loop(test: Callable[[], Awaitable[None]]) -> Callable[[], None]:
@@ -21,7 +21,7 @@ def in_a_loop(test: Callable[[], Awaitable[None]]) -> Callable[[], None]:
 
 
 def job(size: int = 1) -> Job:
-    return Job(Work("model", b"x" * size, None, None), None)
+    return Job(Task("model", b"x" * size, None, None), None)
 
 
 @in_a_loop

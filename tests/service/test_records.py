@@ -1,4 +1,4 @@
-"""The one form in which results leave."""
+"""Public records of results."""
 
 import errno
 import json
@@ -9,8 +9,9 @@ import pytest
 
 from meshconv3d.model.errors import UnusableMesh
 from meshconv3d.model.samples import sample_paths
-from meshconv3d.service.classifier import Classification, Classifier
-from meshconv3d.service.records import answer, refusal
+from meshconv3d.service.classifier import Classifier
+from meshconv3d.service.prediction import Failure, Prediction
+from meshconv3d.service.records import answer, record, to_json
 
 
 @pytest.fixture(scope="module")
@@ -19,43 +20,43 @@ def classifier(model_file: Path) -> Classifier:
 
 
 @pytest.fixture(scope="module")
-def result(classifier: Classifier) -> Classification:
+def result(classifier: Classifier) -> Prediction:
     return classifier.classify(sample_paths()["ants"])
 
 
-def test_an_answer_as_json(classifier: Classifier, result: Classification) -> None:
-    record = json.loads(answer("ants.obj", result).model_dump_json(by_alias=True))
-    assert list(record) == [
+def test_an_answer_as_json(classifier: Classifier, result: Prediction) -> None:
+    found = json.loads(to_json(answer("ants.obj", result)))
+    assert list(found) == [
         *("file", "class", "probability", "unknown", "novelty"),
         *("scores", "model", "mesh", "timings_ms"),
     ]
-    assert record["unknown"] is False
-    assert record["novelty"] == pytest.approx(result.novelty, abs=1e-4)
-    assert record["file"] == "ants.obj"
-    assert record["class"] == result.label == record["scores"][0]["class"]
-    assert record["probability"] == record["scores"][0]["probability"]
-    probabilities = [score["probability"] for score in record["scores"]]
+    assert found["unknown"] is False
+    assert found["novelty"] == pytest.approx(result.novelty, abs=1e-4)
+    assert found["file"] == "ants.obj"
+    assert found["class"] == result.label == found["scores"][0]["class"]
+    assert found["probability"] == found["scores"][0]["probability"]
+    probabilities = [score["probability"] for score in found["scores"]]
     assert probabilities == sorted(probabilities, reverse=True)
     assert sum(probabilities) == pytest.approx(1, abs=1e-5)
-    assert {score["class"] for score in record["scores"]} == {"ball", "box", "ring"}
-    for score in record["scores"]:
+    assert {score["class"] for score in found["scores"]} == {"ball", "box", "ring"}
+    for score in found["scores"]:
         exact = float(result.scores[result.classes.index(score["class"])])
         assert score["score"] == pytest.approx(exact, abs=1e-5)
-    assert record["model"] == {"name": "tiny", "sha256": classifier.model.sha256}
-    assert record["mesh"]["faces_in"] == result.report.faces_in
+    assert found["model"] == {"name": "tiny", "sha256": classifier.model.sha256}
+    assert found["mesh"]["faces_in"] == result.report.faces_in
 
 
 @pytest.mark.parametrize(("top", "count"), [(1, 1), (2, 2), (3, 3), (99, 3), (None, 3)])
 def test_top_keeps_the_likeliest(
-    classifier: Classifier, result: Classification, top: int | None, count: int
+    classifier: Classifier, result: Prediction, top: int | None, count: int
 ) -> None:
     all_scores = answer(None, result).scores
     assert answer(None, result, top).scores == all_scores[:count]
 
 
 def test_a_refusal_holds_the_fault_and_the_reason() -> None:
-    record = refusal("a.obj", UnusableMesh("no-faces", "the file holds no triangles"))
-    assert json.loads(record.model_dump_json()) == {
+    failure = Failure.of(UnusableMesh("no-faces", "the file holds no triangles"))
+    assert json.loads(to_json(record("a.obj", failure))) == {
         "file": "a.obj",
         "error": {"fault": "no-faces", "message": "the file holds no triangles"},
     }
@@ -63,6 +64,6 @@ def test_a_refusal_holds_the_fault_and_the_reason() -> None:
 
 def test_a_file_that_cannot_be_opened_is_a_refusal() -> None:
     error = PermissionError(errno.EACCES, os.strerror(errno.EACCES), "/secret/a.obj")
-    record = refusal("a.obj", error)
-    assert record.error.fault == "unreadable"
-    assert record.error.message == f"cannot be opened: {os.strerror(errno.EACCES)}"
+    failure = Failure.of(error)
+    assert failure.fault == "unreadable"
+    assert failure.message == f"cannot be opened: {os.strerror(errno.EACCES)}"

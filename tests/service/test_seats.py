@@ -4,24 +4,25 @@ import asyncio
 import time
 from typing import cast
 
-import numpy as np
 import pytest
 
 from meshconv3d.model.loading import Limits
-from meshconv3d.service.workers import DeadlineExceeded, Record, Setup, Work
+from meshconv3d.service.prediction import Prediction
+from meshconv3d.service.workers import DeadlineExceeded, Setup, Task
 from meshconv3d.service.workers.jobs import Job, Jobs
 from meshconv3d.service.workers.seat import Seat
 from meshconv3d.service.workers.worker import Worker
+from tests.results import prediction
 from tests.service.test_jobs import in_a_loop
 
 SETUP = Setup((), Limits(), memory_bytes=0, seconds=30.0)
-RECORD = Record(b"{}", {}, "any", None, np.zeros(1, np.float32), np.zeros(1, np.float32))
+RECORD = prediction()
 
 
 class Played:
     """A worker that has begun with all that it was handed. answers: by the number of the work."""
 
-    def __init__(self, answers: dict[int, Record | Exception]) -> None:
+    def __init__(self, answers: dict[int, Prediction | Exception]) -> None:
         self.answers = answers
         self.handed = 0
         self.ended = False
@@ -33,14 +34,14 @@ class Played:
     async def attach(self) -> None:
         pass
 
-    def hand_over(self, _: Work) -> int:
+    def hand_over(self, _: Task) -> int:
         self.handed += 1
         return self.handed
 
     def take_back(self, _: int) -> bool:
         return False
 
-    async def answer(self, number: int, until: float) -> Record:
+    async def answer(self, number: int, until: float) -> Prediction:
         answer = self.answers.get(number)
         if answer is None:
             await asyncio.sleep(max(until - time.monotonic(), 0.0))
@@ -68,7 +69,7 @@ async def lived_through(worker: Played, jobs: list[Job]) -> bool:
 
 
 def job(seconds: float = 30.0) -> Job:
-    return Job(Work("any", b"v", None, None), time.monotonic() + seconds)
+    return Job(Task("any", b"v", None, None), time.monotonic() + seconds)
 
 
 @in_a_loop
@@ -78,4 +79,4 @@ async def test_a_worker_that_is_late_but_has_gone_on_is_not_ended() -> None:
     assert await lived_through(Played({2: RECORD}), [late, following])
     with pytest.raises(DeadlineExceeded):
         late.future.result()
-    assert following.future.result().content == RECORD.content
+    assert following.future.result() is RECORD

@@ -7,8 +7,9 @@ import pytest
 from benchmarks.shapes import make_shapes
 from meshconv3d.model.samples import sample_paths
 from meshconv3d.model.training.datasets import find_samples
-from meshconv3d.service.classifier import Classification, Classifier
+from meshconv3d.service.classifier import Classifier
 from meshconv3d.service.models import DEFAULT_MODEL, shipped_models
+from meshconv3d.service.prediction import Prediction
 
 
 @pytest.fixture(scope="module")
@@ -65,7 +66,7 @@ def test_accuracy_on_everyday_objects_is_what_the_card_says(objects69: Path):
 
 def classify_test_split(
     classifier: Classifier, folder: Path, split: Path | None
-) -> list[tuple[str, Classification]]:
+) -> list[tuple[str, Prediction]]:
     """The class of each test file, and what it is taken for."""
     samples = [sample for sample in find_samples(folder, split) if sample.split == "test"]
     assert len(samples) == classifier.model.card.accuracy["test_meshes"]

@@ -6,7 +6,8 @@ from collections import Counter
 from dataclasses import dataclass, field
 
 from meshconv3d.service.batch.report.gallery import Gallery, shown
-from meshconv3d.service.records import Answer, ModelId, Refusal
+from meshconv3d.service.prediction import ModelId
+from meshconv3d.service.records import Answer, Refusal
 
 # With a picture each, these make a page of 16 MB; see docs/batch-report.md.
 MOST_SHOWN = 10_000

@@ -9,7 +9,8 @@ import pytest
 
 from meshconv3d.service.batch.classifying import Outcome
 from meshconv3d.service.batch.local import LocalFile
-from meshconv3d.service.records import Reason, Refusal
+from meshconv3d.service.prediction import Failure
+from meshconv3d.service.records import Refusal
 
 
 @pytest.fixture
@@ -18,7 +19,7 @@ def outcome() -> Callable[..., Outcome]:
 
     def make(name: str, fault: str | None = None, sha256: str | None = "0" * 64) -> Outcome:
         if fault is not None:
-            refusal = Refusal(file=name, error=Reason(fault=fault, message="no, \u201cwhy\u201d"))
+            refusal = Refusal(file=name, error=Failure(fault, "no, \u201cwhy\u201d"))
             return Outcome(LocalFile(name), refusal.model_dump_json().encode(), sha256, fault)
         record = {
             "file": name,

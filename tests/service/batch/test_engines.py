@@ -15,7 +15,7 @@ from meshconv3d.service.batch.engines import Engine, Here, Workers
 from meshconv3d.service.batch.listing import Listing
 from meshconv3d.service.classifier import Classifier
 from meshconv3d.service.models import ModelFile
-from meshconv3d.service.workers import Setup, ThreadedPool, Work, record_of
+from meshconv3d.service.workers import Setup, Task, ThreadedPool, predict
 from tests.processes import held, until
 from tests.processes import workers as workers_of
 
@@ -26,7 +26,7 @@ OPTIONS = Options("tiny", 1, MEMORY)
 @pytest.fixture
 def here(model_file: Path) -> Engine:
     classifier = Classifier.load(str(model_file))
-    return Here(lambda work: record_of(work, classifier, False))
+    return Here(lambda task: predict(task, classifier, False))
 
 
 @pytest.fixture(scope="module", params=[True, False], ids=["ordered", "unordered"])
@@ -133,5 +133,5 @@ def test_a_stopped_engine_leaves_nothing_waiting(model_file: Path, meshes: Path)
         outcomes = engine.outcomes(Listing([str(meshes)] * 100), OPTIONS, never)
         next(iter(outcomes))
     engine._threads.shutdown(wait=True)  # would wait for ever
-    late = pool.submit(Work("tiny", b"", None, None))
+    late = pool.submit(Task("tiny", b"", None, None))
     until(late.cancelled)

@@ -19,7 +19,7 @@ from meshconv3d.service.batch.entries import Entry
 from meshconv3d.service.batch.listing import Listing
 from meshconv3d.service.classifier import Classifier
 from meshconv3d.service.models import ModelFile
-from meshconv3d.service.workers import Setup, record_of
+from meshconv3d.service.workers import Setup, predict
 from tests.commands import PROGRAM, environment
 
 pytest.importorskip("ray", reason="needs the extra `ray`")
@@ -67,7 +67,7 @@ def setup(model_file: Path) -> Setup:
 @pytest.fixture
 def here(model_file: Path) -> Here:
     classifier = Classifier.load(str(model_file))
-    return Here(lambda work: record_of(work, classifier, False))
+    return Here(lambda task: predict(task, classifier, False))
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ class Kept(io.BytesIO):
 def test_all_of_an_explained_record_is_in_every_form(model_file: Path) -> None:
     """Which has a stage more than others."""
     explained = explain(Classifier.load(str(model_file)), sample_paths()["lamp"])
-    record = answer("lamp.obj", explained.classification).model_dump(by_alias=True, mode="json")
+    record = answer("lamp.obj", explained.prediction).model_dump(by_alias=True, mode="json")
     record |= {"sha256": "0" * 64, "run": "1"}
     line = json.dumps(record).encode() + b"\n"
 

@@ -44,7 +44,7 @@ def test_bias_and_contributions_sum_to_the_score(
 
 
 def test_the_likeliest_class_unless_told(explanation: Explanation) -> None:
-    assert explanation.label == explanation.classification.label
+    assert explanation.label == explanation.prediction.label
 
 
 def test_the_order_of_faces_does_not_matter(classifier: Classifier) -> None:

@@ -4,6 +4,7 @@ import html
 import json
 import re
 import resource
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -113,7 +114,7 @@ def test_no_name_becomes_markup(tmp_path: Path, where: str) -> None:
 
 
 def _named(names: dict[str, str]) -> Report:
-    made = Report(MODEL.model_copy(update={"name": names["model"]}), names["source"])
+    made = Report(replace(MODEL, name=names["model"]), names["source"])
     made.add(answer(names["file"], names["class"]))
     made.add(refusal(names["file"], names["fault"], names["message"]))
     return made
