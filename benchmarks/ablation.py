@@ -22,15 +22,10 @@ from typing import Any
 import torch
 
 from meshconv3d.model.config import NetworkConfig
+from meshconv3d.model.datasets import class_names, find_samples, random_split
 from meshconv3d.model.topology.inputs import mesh_inputs
-from meshconv3d.model.training.datasets import (
-    LoadedSamples,
-    class_names,
-    find_samples,
-    load_samples,
-)
 from meshconv3d.model.training.evaluation import accuracy
-from meshconv3d.model.training.splits import random_split
+from meshconv3d.model.training.meshes import LoadedSamples, load_samples
 from meshconv3d.model.training.trainer import Trainer, TrainingConfig
 
 RESULTS = Path(__file__).parent / "results"

@@ -50,18 +50,11 @@ def train(
     """One run of the command, in a process of its own."""
     options = list(training)
     if train_per_class:
-        folder.mkdir(parents=True, exist_ok=True)
-        split = folder / "split.csv"
-        size = ["--train", str(train_per_class), "--seed", str(seed)]
-        run(["meshconv3d", "data", "split", str(data), str(split), *size])
-        options += ["--split", str(split)]
+        options += ["--split", f"random:{train_per_class}"]
     # The order of additions, and with it the last digits of the weights, follows the threads: the
     # shipped weights were trained on one.
     options += ["--seed", str(seed), "--threads", "1"]
-    run(["meshconv3d", "train", str(data), "--out", str(folder), *options])
-
-
-def run(command: list[str]) -> None:
+    command = ["meshconv3d", "train", str(data), "--out", str(folder), *options]
     subprocess.run(command, check=True, stdout=sys.stderr)
 
 

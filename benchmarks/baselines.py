@@ -22,7 +22,7 @@ from benchmarks.baseline_methods.descriptors import Descriptors
 from benchmarks.baseline_methods.points import Points
 from benchmarks.baseline_methods.spectrum import Spectrum
 from benchmarks.scores import figures
-from meshconv3d.model.training.datasets import Sample, class_names, find_samples
+from meshconv3d.model.datasets import Sample, class_names, find_samples
 from meshconv3d.service.classifier import Classifier
 from meshconv3d.service.evaluation import classify_samples, summarise
 from meshconv3d.service.evaluation_report import DataId

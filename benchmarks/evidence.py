@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
+from meshconv3d.model.datasets import find_samples
 from meshconv3d.model.loading import load_mesh
 from meshconv3d.model.mesh import Mesh
 from meshconv3d.model.preparation import prepare
-from meshconv3d.model.training.datasets import find_samples
 from meshconv3d.service.classifier import Classifier
 
 

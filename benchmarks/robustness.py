@@ -13,13 +13,13 @@ from pathlib import Path
 
 import numpy as np
 
+from meshconv3d.model.datasets import find_samples
 from meshconv3d.model.errors import UnusableMesh
 from meshconv3d.model.loading import load_mesh
 from meshconv3d.model.mesh import Mesh
 from meshconv3d.model.preparation import prepare
 from meshconv3d.model.training import variation
 from meshconv3d.model.training.augmentation import random_rotation
-from meshconv3d.model.training.datasets import find_samples
 from meshconv3d.service.classifier import Classifier
 
 RESULTS = Path(__file__).parent / "results"

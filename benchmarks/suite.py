@@ -26,7 +26,6 @@ ROOT = Path(__file__).parents[1]
 BENCHMARKS = (
     "latency",
     "roofline",
-    "alternatives",
     "training_step",
     "decimation",
     "growth",

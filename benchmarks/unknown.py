@@ -22,18 +22,12 @@ from numpy.typing import NDArray
 from benchmarks.shapes import make_shapes
 from meshconv3d.model.calibration import KNOWN_REFUSED, softmax
 from meshconv3d.model.config import NetworkConfig
+from meshconv3d.model.datasets import Sample, find_samples, hold_out
 from meshconv3d.model.nn.network import Network, as_tensors
 from meshconv3d.model.preparation import prepare
 from meshconv3d.model.topology.inputs import collate, mesh_inputs
-from meshconv3d.model.training.datasets import (
-    LabelledMesh,
-    LoadedSamples,
-    Sample,
-    find_samples,
-    load_samples,
-)
 from meshconv3d.model.training.evaluation import fit_novelty, predict
-from meshconv3d.model.training.splits import hold_out
+from meshconv3d.model.training.meshes import LabelledMesh, LoadedSamples, load_samples
 from meshconv3d.model.training.trainer import Trainer, TrainingConfig
 
 RESULTS = Path(__file__).parent / "results"
@@ -67,12 +61,13 @@ def measure(samples: list[Sample], fold: int) -> dict[str, dict[str, float]]:
     """Train without a fifth of the classes; the figures of every score."""
     names = np.random.default_rng(0).permutation(sorted({s.label for s in samples}))
     left_out = set(np.array_split(names, FOLDS)[fold])
-    known = hold_out([s for s in samples if s.label not in left_out], 0.125, seed=0)
+    known = [s for s in samples if s.label not in left_out]
+    held = hold_out([s for s in known if s.split == "train"], 0.125, seed=0)
     config = NetworkConfig(classes=tuple(sorted(set(names) - left_out)))
     training = TrainingConfig()
 
     def load(split: str, copies: int) -> LoadedSamples:
-        chosen = [s for s in known if s.split == split]
+        chosen = [s for s in known if ("val" if s in held else s.split) == split]
         return load_samples(chosen, config, copies=copies)
 
     train = load("train", training.copies)

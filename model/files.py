@@ -1,11 +1,11 @@
-"""Files that are there whole, or not at all."""
+"""Atomic writing of files."""
 
 import os
 from pathlib import Path
 
 
 def write_whole(path: Path, content: bytes) -> None:
-    """Write atomically: a kill, or a full disk, leaves the old file or the new one.
+    """Write atomically: an interruption or a full disk leaves the old file or the new one.
 
     Raises OSError.
     """
@@ -13,6 +13,6 @@ def write_whole(path: Path, content: bytes) -> None:
     try:
         partial.write_bytes(content)
         os.replace(partial, path)
-    except OSError:
+    except BaseException:
         partial.unlink(missing_ok=True)
         raise

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from meshconv3d.model import metrics
+from meshconv3d.model.datasets import Sample
 from meshconv3d.model.metrics import Predictions
-from meshconv3d.model.training.datasets import Sample
 from meshconv3d.service.classifier import Classifier
 from meshconv3d.service.evaluation_report import (
     ClassFigures,

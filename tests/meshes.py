@@ -1,5 +1,7 @@
 """Meshes of known kinds."""
 
+from pathlib import Path
+
 import numpy as np
 
 from meshconv3d.model.mesh import Mesh
@@ -109,3 +111,12 @@ def placed_triangles(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
         [np.roll(face, -rank[0], 0) for face, rank in zip(corners, ranks, strict=True)]
     )
     return turned[np.lexsort(turned.round(4).reshape(len(turned), 9).T[::-1])]
+
+
+def write_off(path: Path, mesh: Mesh) -> None:
+    """Write a mesh as OFF, into a folder that is made for it."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    rows = [f"OFF {len(mesh.vertices)} {len(mesh.faces)} 0"]
+    rows += [f"{x} {y} {z}" for x, y, z in mesh.vertices.tolist()]
+    rows += [f"3 {a} {b} {c}" for a, b, c in mesh.faces.tolist()]
+    path.write_text("\n".join([*rows, ""]))

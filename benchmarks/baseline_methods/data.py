@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from meshconv3d.model.datasets import Sample
 from meshconv3d.model.errors import MeshError
 from meshconv3d.model.loading import load_mesh
 from meshconv3d.model.mesh import Mesh
 from meshconv3d.model.preparation import prepare
-from meshconv3d.model.training.datasets import Sample
 
 FACE_BUDGET = 500  # as for the network
 

@@ -1,4 +1,4 @@
-"""`meshconv3d data`: make a data set to train on."""
+"""`python -m benchmarks.cubes`: regenerate MeshCNN's engraved cubes."""
 
 import os
 from pathlib import Path
@@ -8,22 +8,12 @@ import click
 EXISTING_FOLDER = click.Path(exists=True, file_okay=False, path_type=Path)
 
 
-@click.group()
-def data() -> None:
-    """Make a data set to train on."""
-
-
-@data.command()
+@click.command()
 @click.argument("silhouettes", type=EXISTING_FOLDER)
 @click.argument("out", type=click.Path(file_okay=False, path_type=Path))
-@click.option(
-    "--others",
-    is_flag=True,
-    help="Cubes of the other 48 classes instead, 4800 and all to train on: for `train --from`.",
-)
 @click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True)
 @click.option("--workers", type=click.IntRange(1), help="Processes. [default: all cores]")
-def cubes(silhouettes: Path, out: Path, others: bool, seed: int, workers: int | None) -> None:
+def cubes(silhouettes: Path, out: Path, seed: int, workers: int | None) -> None:
     """Regenerate MeshCNN's engraved cubes in OUT, as CLASS/{train,test}/*.ply.
 
     SILHOUETTES is the data set MPEG-7 CE-Shape-1 part B, unpacked: 1400 GIFs called Bone-1.gif to
@@ -40,12 +30,11 @@ def cubes(silhouettes: Path, out: Path, others: bool, seed: int, workers: int | 
     from rich.progress import track
 
     from benchmarks.cubes.generation import claim, generate, plan, write_held_out
-    from benchmarks.cubes.recipe import OTHERS, RECIPE, CubesError
+    from benchmarks.cubes.recipe import RECIPE, CubesError
 
-    recipe = OTHERS if others else RECIPE
     try:
-        tasks = plan(silhouettes, out, recipe, seed)
-        claim(out, recipe, seed)
+        tasks = plan(silhouettes, out, RECIPE, seed)
+        claim(out, RECIPE, seed)
         write_held_out(tasks, out)
     except CubesError as error:
         raise click.UsageError(str(error)) from None
@@ -71,34 +60,5 @@ def cubes(silhouettes: Path, out: Path, others: bool, seed: int, workers: int | 
     click.echo(f"wrote {written} cubes; {there}")
 
 
-@data.command()
-@click.argument("folder", type=EXISTING_FOLDER, metavar="DATA")
-@click.argument("out", type=click.Path(dir_okay=False, path_type=Path), metavar="SPLIT.csv")
-@click.option(
-    "--train",
-    type=click.IntRange(1),
-    required=True,
-    help="Meshes of each class to train on; the others are to test on.",
-)
-@click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True)
-def split(folder: Path, out: Path, train: int, seed: int) -> None:
-    """Split DATA at random, whatever split it comes in, and write that down in SPLIT.csv.
-
-    For `meshconv3d train --split SPLIT.csv`. SHREC11's split 10 is --train 10, for a few seeds.
-    """
-    from meshconv3d.model.training.datasets import DatasetError, list_samples
-    from meshconv3d.model.training.splits import random_split, write_split
-
-    try:
-        samples = random_split(list_samples(folder), train, 0, seed)
-        if not samples:
-            raise DatasetError(f"there are no meshes CLASS/*.obj, of whatever format, in {folder}")
-        write_split(samples, out)
-    except DatasetError as error:
-        raise click.UsageError(str(error)) from None
-    counts = [sum(sample.split == name for sample in samples) for name in ("train", "test")]
-    click.echo(f"wrote {out}: {counts[0]} meshes to train on, {counts[1]} to test on")
-
-
 if __name__ == "__main__":
-    data()
+    cubes(prog_name="python -m benchmarks.cubes")

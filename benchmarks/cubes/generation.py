@@ -14,10 +14,9 @@ import trimesh
 from benchmarks.cubes.engraving import MOST_CORNERS, engraved_cube
 from benchmarks.cubes.recipe import CubesError, Recipe
 from benchmarks.cubes.silhouettes import Silhouette, find_silhouettes, outline
+from meshconv3d.model.datasets import Sample, write_split
 from meshconv3d.model.files import write_whole
 from meshconv3d.model.mesh import Mesh
-from meshconv3d.model.training.datasets import Sample
-from meshconv3d.model.training.splits import write_split
 
 RECORD_FILE = "cubes.json"
 HELD_OUT_FILE = "held_out.csv"

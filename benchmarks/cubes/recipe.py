@@ -37,17 +37,3 @@ RECIPE = Recipe(
     test=3,
     copies=10,
 )
-# All other classes of the silhouettes, to learn from what is not asked for.
-OTHERS = Recipe(
-    classes=(
-        *("beetle", "bird", "Bone", "bottle", "butterfly", "cattle", "cellular_phone", "chicken"),
-        *("children", "classic", "Comma", "crown", "cup", "deer", "device0", "device1"),
-        *("device2", "device3", "device4", "device5", "device6", "device7", "device8", "device9"),
-        *("dog", "face", "fish", "flatfish", "fly", "fountain", "frog", "Glas", "hat", "HCircle"),
-        *("horse", "jar", "lizzard", "Misk", "pencil", "personal_car", "pocket", "rat", "ray"),
-        *("sea_snake", "spring", "stef", "teddy", "truck"),
-    ),
-    train=20,
-    test=0,
-    copies=5,
-)

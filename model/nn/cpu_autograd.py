@@ -63,7 +63,7 @@ def _blocks(table: Tensor, index: Tensor, summed: bool) -> Iterator[tuple[int, T
     statistics = table.new_empty(min(BLOCK, rows), 3 * channels)
     for first in range(0, rows, BLOCK):
         block = statistics[: rows - first]
-        gather_patches(table.numpy(), index.numpy(), first, summed, block.numpy())
+        _gather_patches(table.numpy(), index.numpy(), first, summed, block.numpy())
         yield first, block
 
 
@@ -95,7 +95,7 @@ def _share(index: NDArray[np.int32]) -> float:
 
 
 @kernel
-def gather_patches(
+def _gather_patches(
     table: NDArray, neighbours: NDArray[np.int32], first: int, summed: bool, out: NDArray
 ) -> None:
     """Write the statistics (rows x 3 C) of as many faces as `out` has rows, from `first`."""

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from meshconv3d.model.config import NetworkConfig
 from meshconv3d.model.preparation import into_unit_sphere
 from meshconv3d.model.topology.inputs import MeshInputs, terms_of
-from meshconv3d.model.training.datasets import LabelledMesh
+from meshconv3d.model.training.meshes import LabelledMesh
 
 WAVES = 4
 # In radians over a radius of the unit sphere: from a third of a wave over it to two and a half.

@@ -1,7 +1,10 @@
 """`meshconv3d train`: a folder of labelled meshes in, a checkpoint with its curves out."""
 
 import json
-from collections.abc import Callable, Mapping
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,13 +13,15 @@ import click
 from meshconv3d.model.config import PRESETS, NetworkConfig
 
 if TYPE_CHECKING:
+    from meshconv3d.model.datasets import Sample
     from meshconv3d.model.nn.checkpoint import Checkpoint
     from meshconv3d.model.nn.network import Network
-    from meshconv3d.model.training.datasets import LoadedSamples, Sample
+    from meshconv3d.model.training.meshes import LoadedSamples
     from meshconv3d.model.training.trainer import Trainer, TrainingConfig
 
 CHECKPOINT_FILE = "model.safetensors"
 CURVES_FILE = "curves.png"
+SPLIT_FILE = "split.csv"
 EXISTING_FOLDER = click.Path(exists=True, file_okay=False, path_type=Path)
 EXISTING_FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
 
@@ -37,6 +42,15 @@ def _read_settings(
     return settings
 
 
+def _read_split(
+    ctx: click.Context, parameter: click.Parameter, text: str | None
+) -> Path | int | None:
+    """A table's path, or N of random:N."""
+    if text and (match := re.fullmatch(r"random:([1-9]\d*)", text)):
+        return int(match[1])
+    return EXISTING_FILE.convert(text, parameter, ctx) if text else None
+
+
 @click.command()
 @click.argument("data", type=EXISTING_FOLDER)
 @click.option(
@@ -47,9 +61,10 @@ def _read_settings(
 )
 @click.option(
     "--split",
-    "split_file",
-    type=EXISTING_FILE,
-    help="CSV with the columns class,file,split (train, val, test).",
+    callback=_read_split,
+    metavar="FILE.csv|random:N",
+    help="A table with the columns class,file,split (train, val, test); or N random meshes of each "
+    f"class to train on and the others to test on, written to OUT/{SPLIT_FILE}.",
 )
 @click.option(
     "--preset",
@@ -71,11 +86,17 @@ def _read_settings(
     "start_file",
     type=EXISTING_FILE,
     metavar="CHECKPOINT",
-    help="Begin with another run's network, and what it has learned of other classes; in place of "
+    help="Begin with the network of another run and the features it has learned, in place of "
     "--preset and --set.",
 )
 @click.option("--epochs", type=click.IntRange(1), default=60, show_default=True)
-@click.option("--batch-size", type=click.IntRange(2), default=16, show_default=True)
+@click.option(
+    "--batch-size",
+    type=click.IntRange(2),
+    default=16,
+    show_default=True,
+    help="Meshes in a batch; fewer where DATA has fewer training meshes.",
+)
 @click.option(
     "--copies",
     type=click.IntRange(0),
@@ -88,15 +109,15 @@ def _read_settings(
     type=click.FloatRange(0, 1),
     default=0.0,
     show_default=True,
-    help="How far random waves bend meshes in training, as the slope of the waves; for things "
-    "whose proportions tell nothing, 0.25 or so.",
+    help="How far random waves bend meshes in training, as the slope of the waves; 0.25 or so for "
+    "classes that differ in outline, not in proportions.",
 )
 @click.option(
     "--hold-out",
     type=click.FloatRange(0, 0.5),
     default=0.125,
     show_default=True,
-    help="Where DATA has no split val: this share of each class's training meshes becomes it.",
+    help="Share of each class's training meshes to validate on where DATA has no usable split val.",
 )
 @click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True)
 @click.option("--device", default="cpu", show_default=True, help="cpu, cuda, cuda:1, ...")
@@ -104,7 +125,7 @@ def _read_settings(
 def train(
     data: Path,
     out: Path,
-    split_file: Path | None,
+    split: Path | int | None,
     preset_name: str | None,
     settings: dict[str, Any],
     start_file: Path | None,
@@ -119,27 +140,23 @@ def train(
 ) -> None:
     """Train a network on DATA, laid out as CLASS/train/*.obj and CLASS/test/*.obj.
 
-    Any format that can be classified can be trained on. Validation meshes are scored after every
-    epoch, and calibrate the last: how sure an answer is, and what is unknown. Test meshes are
-    scored once, after the last. Run the same command again to go on after an interruption.
+    Any format that can be classified can be trained on. Where no folder is called train, val or
+    test, all of CLASS/*.obj are training meshes. Validation meshes are scored after every epoch and
+    calibrate the result: probabilities, and the limit beyond which a mesh is unknown. Test meshes
+    are scored once, after the last epoch. After an interruption, run the same command again: it
+    goes on after the last finished epoch.
     """
     import torch
 
+    from meshconv3d.model.datasets import SPLITS, class_names
     from meshconv3d.model.nn.checkpoint import save_checkpoint
-    from meshconv3d.model.training import splits
     from meshconv3d.model.training.augmentation import Augmentation
-    from meshconv3d.model.training.curves import draw_curves
-    from meshconv3d.model.training.datasets import SPLITS, DatasetError, class_names, find_samples
+    from meshconv3d.model.training.plots import draw_curves
     from meshconv3d.model.training.trainer import Trainer, TrainingConfig
 
     if threads:
         torch.set_num_threads(threads)
-    try:
-        samples = find_samples(data, split_file)
-    except DatasetError as error:
-        raise click.UsageError(str(error)) from None
-    if not any(sample.split == "val" for sample in samples):
-        samples = splits.hold_out(samples, hold_out, seed)
+    samples = _find(data, split, seed)
     start = _start(start_file, preset_name, settings) if start_file else None
     config = _config(class_names(samples), preset_name, settings, start)
     training = TrainingConfig(
@@ -149,36 +166,84 @@ def train(
         copies=copies,
         augmentation=Augmentation(bend=bend),
     )
-    parts = {split: _load(samples, split, config, training) for split in SPLITS}
+    out.mkdir(parents=True, exist_ok=True)
+    if isinstance(split, int):
+        _write_split(samples, out / SPLIT_FILE)
+    parts = _load(samples, config, training, hold_out)
     versions = parts["train"].versions
     trained = {version.label for version, *_ in versions}
     if missing := [name for i, name in enumerate(config.classes) if i not in trained]:
         raise click.UsageError(f"no training mesh can be used of: {', '.join(missing)}")
     if len(versions) < batch_size:
-        raise click.UsageError(
-            f"{len(versions)} training meshes do not fill a batch: choose a --batch-size below"
-        )
+        # Four batches an epoch: one would leave the optimiser too few steps.
+        training = replace(training, batch_size=max(len(versions) // 4, 1))
+        _say(f"{len(versions)} training meshes: batches of {training.batch_size}")
     try:
         trainer = Trainer(config, training, versions, out, device, start and start.network)
         done = trainer.resume()
     except (ValueError, RuntimeError, AssertionError) as error:  # torch asserts that it has CUDA
         raise click.UsageError(str(error)) from None
     if done:
-        what = "already finished" if done == epochs else f"going on after epoch {done}"
-        click.echo(what, err=True)
-    checkpoint = _run(trainer, epochs, done, _validator(parts["val"]))
-    checkpoint = _calibrate(checkpoint, parts)
-    checkpoint.training["data"] = {
-        "name": data.resolve().name,
-        "split": split_file.name if split_file else "folders",
-        **{split: part.total for split, part in parts.items()},
-    }
-    if start:
-        checkpoint.training["from"] = start.training
-    checkpoint.training["accuracy"] = _measure(checkpoint.network, parts["test"])
-    save_checkpoint(checkpoint, out / CHECKPOINT_FILE)
-    draw_curves(trainer.history, out / CURVES_FILE)
+        _say("already finished" if done == epochs else f"going on after epoch {done}")
+    with _kept_on_failure(trainer):
+        checkpoint = _run(trainer, epochs, done, parts["val"])
+        checkpoint = _calibrate(checkpoint, parts)
+        checkpoint.training["data"] = {
+            "name": data.resolve().name,
+            "split": split.name
+            if isinstance(split, Path)
+            else f"random:{split}"
+            if split
+            else "folders",
+            **{name: parts[name].total for name in SPLITS},
+        }
+        if start:
+            checkpoint.training["from"] = start.training
+        checkpoint.training["accuracy"] = _measure(checkpoint.network, parts["test"])
+        save_checkpoint(checkpoint, out / CHECKPOINT_FILE)
+        draw_curves(trainer.history, out / CURVES_FILE)
     click.echo(f"wrote {out / CHECKPOINT_FILE}")
+
+
+def _say(message: str) -> None:
+    click.echo(message, err=True)
+
+
+@contextmanager
+def _kept_on_failure(trainer: "Trainer") -> Iterator[None]:
+    """Tell how to go on after an interruption or a failed write."""
+    try:
+        yield
+    except (KeyboardInterrupt, OSError) as error:
+        _say(f"{len(trainer.history)} epochs are kept: run the same command again to go on")
+        if isinstance(error, OSError):
+            reason = error.strerror or str(error)
+            raise click.ClickException(f"cannot write to {trainer.folder}: {reason}") from None
+        raise
+
+
+def _find(data: Path, split: Path | int | None, seed: int) -> "list[Sample]":
+    """The samples of DATA under the split that was asked for."""
+    from meshconv3d.model.datasets import DatasetError, find_samples, random_split
+
+    try:
+        samples = find_samples(data, split if isinstance(split, Path) else None)
+        if isinstance(split, int):
+            return random_split(samples, split, 0, seed)
+    except DatasetError as error:
+        raise click.UsageError(str(error)) from None
+    if {sample.split for sample in samples} == {"train"}:
+        _say(f"{data} has training meshes alone: none are tested on (meshconv3d train --split)")
+    return samples
+
+
+def _write_split(samples: "list[Sample]", path: Path) -> None:
+    from meshconv3d.model.datasets import DatasetError, write_split
+
+    try:
+        write_split(samples, path)
+    except DatasetError as error:
+        raise click.UsageError(str(error)) from None
 
 
 def _start(file: Path, preset_name: str | None, settings: dict[str, Any]) -> "Checkpoint":
@@ -200,8 +265,6 @@ def _config(
     start: "Checkpoint | None",
 ) -> NetworkConfig:
     """The network over these classes."""
-    from dataclasses import replace
-
     from meshconv3d.model.config import preset
 
     if start:
@@ -213,7 +276,7 @@ def _config(
 
 
 def _measure(network: "Network", test: "LoadedSamples") -> dict[str, Any]:
-    """Accuracy on the test meshes with its protocol; says it too. Empty without test meshes."""
+    """Accuracy on the test meshes with its protocol, which is printed; empty without any."""
     from meshconv3d.model.training.evaluation import accuracy
 
     if not test.total:
@@ -223,60 +286,79 @@ def _measure(network: "Network", test: "LoadedSamples") -> dict[str, Any]:
     return {"selection": "last epoch", "test": round(share, 5), "test_meshes": test.total}
 
 
-def _calibrate(checkpoint: "Checkpoint", parts: "Mapping[str, LoadedSamples]") -> "Checkpoint":
-    """Measure what is new to the network, and on the split val what its answers are worth."""
-    from dataclasses import replace
-
+def _calibrate(checkpoint: "Checkpoint", parts: "dict[str, LoadedSamples]") -> "Checkpoint":
+    """Fit the out-of-distribution score to the training meshes and calibrate on those of val."""
     from meshconv3d.model.training.evaluation import calibrate_network, fit_novelty
 
     fit_novelty(checkpoint.network, parts["train"])
-    if not parts["val"].total:
-        click.echo("no validation meshes: answers are not calibrated, nothing is unknown", err=True)
+    if not parts["val"].meshes:
+        _say("no validation meshes: answers are not calibrated, nothing is unknown")
         return checkpoint
     return replace(checkpoint, calibration=calibrate_network(checkpoint.network, parts["val"]))
 
 
 def _load(
-    samples: "list[Sample]", split: str, config: NetworkConfig, training: "TrainingConfig"
-) -> "LoadedSamples":
-    """The meshes of one split, under a progress bar; those to train on with their copies."""
+    samples: "list[Sample]", config: NetworkConfig, training: "TrainingConfig", share: float
+) -> "dict[str, LoadedSamples]":
+    """The meshes of each split, with varied copies of those to train and validate on.
+
+    Where no mesh of the split val can be used, a share of the usable training meshes becomes it.
+    """
+    from meshconv3d.model.datasets import SPLITS, hold_out
+    from meshconv3d.model.training.meshes import read_samples, vary_samples
+
+    meshes = read_samples(samples, config, lambda part: _track(part, "Reading"))
+    if not any(sample.split == "val" for sample in meshes):
+        held = hold_out([s for s in meshes if s.split == "train"], share, training.seed)
+        if held:
+            _say(
+                f"no validation meshes: {len(held)} of the training meshes are held out for that "
+                "(--hold-out)"
+            )
+        for sample in held:
+            meshes[replace(sample, split="val")] = meshes.pop(sample)
+        samples = [
+            replace(sample, split="val") if sample in held else sample
+            for sample in samples
+            if sample.split != "val"
+        ]
+    parts = {}
+    copies = {"train": training.copies, "val": training.copies // 2, "test": 0}
+    for split in SPLITS:
+        chosen = [sample for sample in samples if sample.split == split]
+        parts[split] = vary_samples(
+            chosen,
+            meshes,
+            config,
+            copies[split],
+            training.seed,
+            lambda part, split=split: _track(part, f"Preparing {split}"),
+        )
+    _say(", ".join(f"{len(parts[name].versions)} {name}" for name in SPLITS) + " meshes")
+    return parts
+
+
+def _track(items: "Sequence[Sample]", title: str) -> "Iterable[Sample]":
+    """The items, under a progress bar on a terminal."""
     from rich.console import Console
     from rich.progress import track
 
-    from meshconv3d.model.training.datasets import load_samples
-
-    chosen = [sample for sample in samples if sample.split == split]
     console = Console(stderr=True)
-    quiet = not chosen or not console.is_terminal
-    return load_samples(
-        chosen,
-        config,
-        lambda part: track(part, f"Preparing {split}", console=console, disable=quiet),
-        copies={"train": training.copies, "val": training.copies // 2, "test": 0}[split],
-        seed=training.seed,
-    )
+    return track(items, title, console=console, disable=not items or not console.is_terminal)
 
 
-def _validator(val: "LoadedSamples") -> "Callable[[Network], dict[str, Any]]":
-    """What measures validation accuracy after an epoch, if there is anything to measure on."""
-    from meshconv3d.model.training.evaluation import accuracy
-
-    if not val.total:
-        return lambda network: {}
-    return lambda network: {"val_accuracy": round(accuracy(network, val), 5)}
-
-
-def _run(
-    trainer: "Trainer",
-    epochs: int,
-    done: int,
-    validate: "Callable[[Network], dict[str, Any]]",
-) -> "Checkpoint":
-    """Train under a progress bar."""
+def _run(trainer: "Trainer", epochs: int, done: int, val: "LoadedSamples") -> "Checkpoint":
+    """Train under a progress bar, or with a line an epoch where there is no terminal."""
     from rich.console import Console
     from rich.progress import Progress
 
-    with Progress(console=Console(stderr=True)) as progress:
+    from meshconv3d.model.training.evaluation import accuracy
+
+    def validate(network: "Network") -> dict[str, Any]:
+        return {"val_accuracy": round(accuracy(network, val), 5)} if val.meshes else {}
+
+    console = Console(stderr=True)
+    with Progress(console=console, disable=not console.is_terminal) as progress:
         task = progress.add_task("Training", total=epochs, completed=done)
 
         def show(record: dict[str, Any]) -> None:
@@ -284,5 +366,7 @@ def _run(
             if "val_accuracy" in record:
                 shown += f", validation {record['val_accuracy']:.1%}"
             progress.update(task, advance=1, description=f"Training ({shown})")
+            if not console.is_terminal:
+                _say(f"epoch {record['epoch']} of {epochs}: {shown}")
 
         return trainer.run(show, validate)

@@ -9,7 +9,7 @@ from torch import Tensor
 from meshconv3d.model.calibration import Calibration, calibrate
 from meshconv3d.model.nn.network import Network, Outputs, as_tensors
 from meshconv3d.model.topology.inputs import collate
-from meshconv3d.model.training.datasets import LabelledMesh, LoadedSamples
+from meshconv3d.model.training.meshes import LabelledMesh, LoadedSamples
 
 BATCH_SIZE = 16
 

@@ -15,11 +15,12 @@ import torch
 from torch import nn
 
 from meshconv3d.model.config import NetworkConfig
+from meshconv3d.model.files import write_whole
 from meshconv3d.model.nn.checkpoint import Checkpoint, load_tensors, save_tensors
 from meshconv3d.model.nn.network import Network, as_tensors
 from meshconv3d.model.topology.inputs import collate
 from meshconv3d.model.training.augmentation import Augmentation
-from meshconv3d.model.training.datasets import LabelledMesh
+from meshconv3d.model.training.meshes import LabelledMesh
 
 RESUME_FILE = "resume.safetensors"
 LOG_FILE = "log.jsonl"
@@ -147,7 +148,7 @@ class Trainer:
         }
         save_tensors(tensors, metadata, self.folder / RESUME_FILE)
         lines = "".join(json.dumps(record) + "\n" for record in self.history)
-        (self.folder / LOG_FILE).write_text(lines, encoding="utf-8")
+        write_whole(self.folder / LOG_FILE, lines.encode())
 
     def _train_epoch(self, epoch: int) -> dict[str, Any]:
         started = time.perf_counter()

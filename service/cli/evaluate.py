@@ -12,7 +12,7 @@ from meshconv3d.service.cli.shared import load_classifier
 from meshconv3d.service.cli.terminal import with_progress
 
 if TYPE_CHECKING:
-    from meshconv3d.model.training.datasets import Sample
+    from meshconv3d.model.datasets import Sample
 
 
 @click.command()
@@ -85,7 +85,7 @@ def evaluate(
 
 def _find(data: Path, split_file: Path | None, part: str, known: Sequence[str]) -> "list[Sample]":
     """The files to classify. None at all, or of a class that the model lacks, is a usage error."""
-    from meshconv3d.model.training.datasets import DatasetError, class_names, list_samples
+    from meshconv3d.model.datasets import DatasetError, class_names, list_samples
 
     try:
         listed = list_samples(data, split_file)

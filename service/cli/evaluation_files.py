@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from meshconv3d.model.training.confusion import draw_confusion
+from meshconv3d.model.training.plots import draw_confusion
 from meshconv3d.service.evaluation import Outcome
 from meshconv3d.service.evaluation_report import Report
 from meshconv3d.service.records import readable, record

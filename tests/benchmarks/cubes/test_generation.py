@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
-from benchmarks.cubes.__main__ import data as commands
+from benchmarks.cubes.__main__ import cubes as command
 from benchmarks.cubes.engraving import MOST_CORNERS, engraved_cube
 from benchmarks.cubes.generation import (
     HELD_OUT_FILE,
@@ -18,12 +18,12 @@ from benchmarks.cubes.generation import (
     run,
     write_held_out,
 )
-from benchmarks.cubes.recipe import OTHERS, RECIPE, CubesError, Recipe
+from benchmarks.cubes.recipe import RECIPE, CubesError, Recipe
 from benchmarks.cubes.silhouettes import outline
+from meshconv3d.model.datasets import find_samples
 from meshconv3d.model.loading import load_mesh
 from meshconv3d.model.mesh import Mesh
 from meshconv3d.model.topology.halfedges import find_twins
-from meshconv3d.model.training.datasets import find_samples
 
 
 def make(silhouettes: Path, out: Path, recipe: Recipe, seed: int = 0, workers: int = 1) -> int:
@@ -48,12 +48,6 @@ def test_the_original_has_22_classes_and_about_as_many_cubes():
     assert len(RECIPE.classes) == len(set(RECIPE.classes)) == 22
     assert len(RECIPE.classes) * RECIPE.train * RECIPE.copies == 3740
     assert len(RECIPE.classes) * RECIPE.test * RECIPE.copies == 660
-
-
-def test_the_others_are_all_that_the_original_has_not():
-    assert len(OTHERS.classes) == len(set(OTHERS.classes)) == 48
-    assert set(OTHERS.classes).isdisjoint(RECIPE.classes)
-    assert (OTHERS.silhouettes, OTHERS.test) == (RECIPE.silhouettes, 0)
 
 
 def test_cubes_lie_as_training_wants_them_and_are_sound(silhouettes, recipe, tmp_path):
@@ -170,7 +164,7 @@ def small(monkeypatch, recipe) -> None:
 
 
 def cubes(*arguments: object) -> Result:
-    return CliRunner().invoke(commands, ["cubes", *map(str, arguments)])
+    return CliRunner().invoke(command, [*map(str, arguments)])
 
 
 @pytest.mark.usefixtures("small")
@@ -183,14 +177,6 @@ def test_the_command_says_what_it_made(silhouettes, tmp_path):
     assert len(find_samples(out, out / HELD_OUT_FILE)) == 16
     next(out.rglob("*.ply")).unlink()
     assert cubes(silhouettes, out, "--workers", 1).stdout == "wrote " + says.format(1)
-
-
-def test_the_command_makes_cubes_of_the_others(silhouettes, tmp_path, monkeypatch):
-    others = Recipe(classes=("star",), train=4, test=0, copies=1)
-    monkeypatch.setattr("benchmarks.cubes.recipe.OTHERS", others)
-    result = cubes(silhouettes, tmp_path / "out", "--others", "--workers", 1)
-    assert "4 to train on and 0 to test on" in result.stdout
-    assert len(list((tmp_path / "out" / "star" / "train").glob("*.ply"))) == 4
 
 
 @pytest.mark.usefixtures("small")
@@ -213,7 +199,7 @@ def test_the_command_fails_on_a_bad_image(silhouettes, tmp_path):
 def test_the_real_silhouettes_are_engraved(mpeg7, tmp_path):
     tasks = plan(mpeg7, tmp_path, RECIPE, 0)
     assert len(tasks) == 22 * 20
-    for task in [*tasks, *plan(mpeg7, tmp_path, OTHERS, 0)]:
+    for task in tasks:
         assert 3 <= len(outline(task.silhouette.path, MOST_CORNERS)) <= MOST_CORNERS
     for task in tasks[::20]:
         assert run(task) == 10

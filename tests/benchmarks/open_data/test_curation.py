@@ -24,7 +24,7 @@ from benchmarks.open_data.curation import (
     read_table,
 )
 from benchmarks.open_data.layout import lay_out
-from meshconv3d.model.training.datasets import list_samples
+from meshconv3d.model.datasets import list_samples
 from tests.conftest import SHARED_DATA
 
 needs_data = pytest.mark.skipif(

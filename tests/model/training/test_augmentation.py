@@ -10,7 +10,7 @@ from meshconv3d.model.mesh import Mesh
 from meshconv3d.model.preparation import prepare
 from meshconv3d.model.topology.inputs import mesh_inputs
 from meshconv3d.model.training.augmentation import Augmentation
-from meshconv3d.model.training.datasets import LabelledMesh
+from meshconv3d.model.training.meshes import LabelledMesh
 from tests.meshes import sheet, torus
 
 STILL = Augmentation(scale=0, jitter=0)

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from meshconv3d.model.datasets import class_names, find_samples
 from meshconv3d.model.mesh import Mesh
-from meshconv3d.model.training.datasets import class_names, find_samples
 from meshconv3d.model.training.variation import with_faces
 from meshconv3d.service.cli.main import commands
 from tests.meshes import cube, icosphere, torus

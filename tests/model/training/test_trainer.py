@@ -11,8 +11,8 @@ from meshconv3d.model.config import NetworkConfig
 from meshconv3d.model.preparation import prepare
 from meshconv3d.model.topology.inputs import collate, mesh_inputs
 from meshconv3d.model.training.augmentation import Augmentation
-from meshconv3d.model.training.datasets import LabelledMesh, LoadedSamples
 from meshconv3d.model.training.evaluation import accuracy, predict
+from meshconv3d.model.training.meshes import LabelledMesh, LoadedSamples
 from meshconv3d.model.training.trainer import LOG_FILE, RESUME_FILE, Trainer, TrainingConfig
 from tests.meshes import cube, icosphere, torus
 

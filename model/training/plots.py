@@ -1,7 +1,8 @@
-"""A confusion matrix as one picture, legible with a handful of classes and with a hundred."""
+"""Pictures of training and evaluation: learning curves and the confusion matrix."""
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.colors import PowerNorm
@@ -9,9 +10,26 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 CELL = 0.24
-"""Inches of a cell: a line of the class names beside it, and three digits in it."""
+"""Inches of a cell of the confusion matrix: the height of a class name, or three digits."""
 DPI = 110
 GREY = "0.85"
+
+
+def draw_curves(history: list[dict[str, Any]], path: Path) -> None:
+    """Loss and accuracies over the epochs, as PNG. history: the records of `Trainer.run`."""
+    epochs = [record["epoch"] for record in history]
+    figure = Figure(figsize=(9, 3.5), layout="constrained")
+    loss, accuracy = figure.subplots(1, 2)
+    loss.plot(epochs, [record["loss"] for record in history])
+    loss.set(xlabel="epoch", ylabel="training loss", ylim=(0, None))
+    for key, title in (("train_accuracy", "training"), ("val_accuracy", "validation")):
+        if key in history[0]:
+            accuracy.plot(epochs, [record[key] for record in history], label=title)
+    accuracy.set(xlabel="epoch", ylabel="accuracy", ylim=(0, 1.02))
+    accuracy.legend(loc="lower right")
+    for axes in (loss, accuracy):
+        axes.grid(alpha=0.3)
+    figure.savefig(path, dpi=DPI)
 
 
 def draw_confusion(
@@ -20,7 +38,7 @@ def draw_confusion(
     refused: NDArray[np.intp],
     path: Path,
 ) -> None:
-    """Share of each class's files that got each answer, as PNG.
+    """Share of each class's files that got each answer, as PNG, for 2 to 100 classes.
 
     classes: N_c names. confusion: N_c x N_c files by class (rows) and answer (columns). refused:
     N_c files without an answer; they are a last column, if there are any. The row of a class
@@ -31,11 +49,11 @@ def draw_confusion(
     totals = counts.sum(axis=1, keepdims=True)
     shares = np.ma.masked_invalid(counts / np.where(totals, totals, np.nan))
 
-    margin = 0.085 * max(map(len, columns)) + 1  # inches: the longest name, and the axis's own
+    margin = 0.085 * max(map(len, columns)) + 1  # inches: the longest name and the axis label
     size = (max(len(columns) * CELL + margin, 4), len(classes) * CELL + margin)
     figure = Figure(figsize=size, layout="constrained")
     axes = figure.subplots()
-    # The root: one file in fifty that goes astray is to be seen from afar.
+    # The square root keeps shares of a few per cent visible.
     norm = PowerNorm(0.5, vmin=0, vmax=1)
     axes.pcolormesh(shares, cmap="Blues", norm=norm, edgecolors=GREY, linewidth=0.5)
     axes.set(xlabel="answer", ylabel="class", aspect="equal", facecolor=GREY)

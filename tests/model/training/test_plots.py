@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from meshconv3d.model.training.confusion import draw_confusion
+from meshconv3d.model.training.plots import draw_confusion
 
 COUNTS = np.array([[3, 1, 0], [0, 5, 0], [2, 0, 1]])
 NONE = np.zeros(3, dtype=int)
