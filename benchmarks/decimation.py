@@ -5,8 +5,7 @@ import fast_simplification
 from benchmarks.figures import MILLISECONDS, Findings, heading
 from benchmarks.measuring import best, yardstick
 from benchmarks.workloads import torus
-from meshconv3d.model.preparation.coarsening import coarsen
-from meshconv3d.model.preparation.resampling import decimate
+from meshconv3d.model.preparation.simplification import coarsen, decimate
 from meshconv3d.service.models import open_model
 
 FACES = 100_000

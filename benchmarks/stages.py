@@ -15,6 +15,7 @@ from meshconv3d.model.mesh import Mesh
 from meshconv3d.model.preparation import prepare
 from meshconv3d.model.topology import Surface, build_topology
 from meshconv3d.model.topology.descriptors import pooling_features
+from meshconv3d.model.topology.geometry import face_geometry
 from meshconv3d.model.topology.inputs import collate, mesh_inputs, terms_of
 from meshconv3d.service.models import Model
 
@@ -44,7 +45,7 @@ class Stages:
     def topology(self) -> object:
         """Twins, patches and poolings of all levels."""
         surface = Surface.of(self.prepared)
-        features = pooling_features(self.prepared.vertices, self.prepared.faces)
+        features = pooling_features(face_geometry(self.prepared.vertices, self.prepared.faces))
         config = self.config
         return build_topology(
             surface, features, config.patch_size, config.targets, config.topology_options

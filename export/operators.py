@@ -1,7 +1,7 @@
 """The operators of a graph with learned pooling, and our kernels for them under onnxruntime.
 
 Such a graph asks between its layers which faces to gather. It does so by two operators, GrowPatches
-and PoolFaces, whose inputs, outputs and attributes are those of `model.topology.operators`. That
+and PoolFaces, whose inputs, outputs and attributes are those of `model.topology.batch`. That
 package has the kernels; onnxruntime-extensions lets onnxruntime call them. Another runtime can
 supply its own. The extension is loaded only for a file that needs it.
 """
@@ -33,7 +33,7 @@ def _extension() -> ModuleType:
         ) from None
     # An exception in a kernel would end the process. These raise none: the topology stage takes
     # any surface, and its inputs come from our own code.
-    from meshconv3d.model.topology import operators as kernels
+    from meshconv3d.model.topology import batch as kernels
 
     kind = extension.PyCustomOpDef
     real, whole, precise = kind.dt_float, kind.dt_int32, kind.dt_double

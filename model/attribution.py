@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshconv3d.model.mesh import Mesh
-from meshconv3d.model.preparation import face_areas
 from meshconv3d.model.topology import Surface, Topology
+from meshconv3d.model.topology.geometry import face_areas
 
 # The least share of a mesh's area that a face is taken to have.
 NO_AREA = 1e-15

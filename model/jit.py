@@ -1,50 +1,106 @@
-"""How kernels are compiled: once, free of Python's lock, and kept on disk where possible."""
+"""Compilation of kernels: with numba, without Python's lock, and cached on disk.
 
+A kernel may call kernels of other modules. numba stamps what it caches with the source of one
+file, and would run the machine code of a callee that has changed since. The stamp of this cache
+covers every module of the package that defines kernels, whose constants must therefore come from
+such modules, too.
+"""
+
+import hashlib
 import logging
 import os
 from collections.abc import Callable
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 from numba import njit
-from numba.core.caching import CompileResultCacheImpl, FunctionCache, UserProvidedCacheLocator
+from numba.core.caching import (
+    CompileResultCacheImpl,
+    FunctionCache,
+    InTreeCacheLocator,
+    UserProvidedCacheLocator,
+    UserWideCacheLocator,
+)
 
 log = logging.getLogger(__name__)
 
+PACKAGE = Path(__file__).parent
+
 
 def kernel(function: Callable[..., Any]) -> Any:
-    """Compile a function with numba; cached beside its source, or in NUMBA_CACHE_DIR.
+    """Compile a function with numba at its first call, for the types of the arguments.
 
-    A cache there that may only be read, as in an image with a read-only file system, is read.
-    Where there is none at all (an installation owned by someone else, no home folder), it is
-    compiled anew by every process. numba's cache does not see a change in another file: a kernel
-    calls only kernels of its own file.
+    The result is cached in NUMBA_CACHE_DIR, beside the source, or in the user's cache folder: the
+    first that can be written to. A given NUMBA_CACHE_DIR need only be readable, as in an image
+    with a read-only file system. Without any such folder, or where the disk is full, every process
+    compiles its kernels itself.
     """
+    compiled: Any = njit(nogil=True)(function)
     try:
-        return njit(cache=True, nogil=True)(function)
-    except RuntimeError:
-        compiled: Any = njit(nogil=True)(function)
-    try:
-        compiled._cache = _ReadOnlyCache(function)
+        # What njit(cache=True) does, with another cache.
+        compiled._cache = _KernelCache(function)
     except RuntimeError:
         log.info("no folder to cache %s in: it is compiled at every start", function.__name__)
     return compiled
 
 
-class _ReadableFolder(UserProvidedCacheLocator):
-    """NUMBA_CACHE_DIR, for which numba itself would ask that it can be written to."""
+@cache
+def _kernel_sources(package: Path) -> bytes:
+    """Hash of all modules under a folder that define kernels."""
+    sources = (path.read_bytes() for path in sorted(package.rglob("*.py")))
+    return hashlib.sha256(b"".join(text for text in sources if b"@kernel" in text)).digest()
 
+
+class _Stamped:
+    """A cache locator whose stamp covers the callees in other modules."""
+
+    def get_source_stamp(self) -> tuple[object, bytes]:
+        return super().get_source_stamp(), _kernel_sources(PACKAGE)  # type: ignore[misc]
+
+
+class _GivenFolder(_Stamped, UserProvidedCacheLocator):
     def ensure_cache_path(self) -> None:
-        os.listdir(self.get_cache_path())
+        try:
+            super().ensure_cache_path()
+        except OSError:
+            os.listdir(self.get_cache_path())
 
 
-class _ReadOnlyCacheImpl(CompileResultCacheImpl):
-    _locator_classes = [_ReadableFolder]  # noqa: RUF012 (as in its base)
+class _SourceFolder(_Stamped, InTreeCacheLocator):
+    pass
 
 
-class _ReadOnlyCache(FunctionCache):
-    """A cache that is filled already: by the same kernels, for the same kind of processor."""
+class _UserFolder(_Stamped, UserWideCacheLocator):
+    pass
 
-    _impl_class = _ReadOnlyCacheImpl
+
+class _KernelCacheImpl(CompileResultCacheImpl):
+    _locator_classes = [_GivenFolder, _SourceFolder, _UserFolder]  # noqa: RUF012 (as in its base)
+
+
+class _KernelCache(FunctionCache):
+    """A cache that never fails: what it cannot read or keep is compiled again."""
+
+    _impl_class = _KernelCacheImpl
+
+    def load_overload(self, sig: object, target_context: object) -> Any:
+        try:
+            return super().load_overload(sig, target_context)
+        except Exception as error:  # a damaged file raises anything that unpickling can
+            log.info("dropping what is cached of %s: %r", self._py_func.__name__, error)
+            with suppress(OSError):
+                self.flush()
+            return None
 
     def save_overload(self, sig: object, data: object) -> None:
-        """Nothing, where nothing can be written."""
+        try:
+            super().save_overload(sig, data)
+        except Exception as error:
+            _warn_once(self.cache_path, str(error))
+
+
+@cache
+def _warn_once(folder: str, reason: str) -> None:
+    log.warning("cannot cache kernels in %s (%s): they are compiled at every start", folder, reason)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshconv3d.model.jit import kernel
-from meshconv3d.model.preparation.resampling import subdivide
+from meshconv3d.model.preparation.subdivision import subdivide
 from meshconv3d.model.topology.halfedges import find_twins
 
 # How often triangles are made Delaunay on the way: the splits then spread over the sides, instead

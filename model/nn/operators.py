@@ -2,13 +2,13 @@
 
 They have names, `meshconv3d::grow_patches` and `meshconv3d::pool_faces`, by which they appear in
 an exported graph. Neither has a gradient: they choose faces. Arguments and results are those of
-`model.topology.operators`.
+`model.topology.batch`.
 """
 
 import torch
 from torch import Tensor
 
-from meshconv3d.model.topology import operators as kernels
+from meshconv3d.model.topology import batch as kernels
 
 
 @torch.library.custom_op("meshconv3d::grow_patches", mutates_args=())

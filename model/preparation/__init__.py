@@ -1,8 +1,8 @@
-"""The one way from any triangle mesh to what the network eats.
+"""Preparation: any triangle mesh becomes an oriented manifold of the face budget.
 
-`cleaning` makes an oriented manifold, `coarsening` and `resampling` bring it to the face budget,
-`report` says what they did. Training, export checks, the command line and the service all come
-through here.
+`cleaning` makes the manifold, `simplification` and `subdivision` bring it to the budget, and
+`MeshReport` counts what they did. Training, export checks, the command line and the service all
+call `prepare`.
 """
 
 from dataclasses import dataclass
@@ -20,15 +20,14 @@ from meshconv3d.model.preparation.cleaning import (
     drop_degenerate,
     drop_unused,
 )
-from meshconv3d.model.preparation.coarsening import coarsen
-from meshconv3d.model.preparation.report import MeshReport
-from meshconv3d.model.preparation.resampling import decimate, subdivide
-from meshconv3d.model.preparation.triangles import (
+from meshconv3d.model.preparation.simplification import coarsen, decimate
+from meshconv3d.model.preparation.subdivision import subdivide
+from meshconv3d.model.topology.geometry import (
     face_areas,
+    face_geometry,
     farthest,
-    measure_faces,
     surface_area,
-    weighted_mean,
+    surface_centroid,
 )
 
 __all__ = [
@@ -44,6 +43,41 @@ __all__ = [
 # Simplification that changes the area by more than this has destroyed the shape (crumpled it, or
 # swallowed its thin parts): no class can be read from what is left.
 AREA_KEPT = (0.25, 2.0)
+
+
+@dataclass(frozen=True)
+class MeshReport:
+    """Counts of one preparation.
+
+    faces_in: as loaded; vertices_in: those that faces use. faces_used: what the network saw.
+    vertices_merged: vertices that coincided with another. degenerate_dropped: faces without area.
+    duplicates_dropped: faces over the same three vertices as another.
+    nonmanifold_edges: edges with more than two faces. vertices_split: copies made where surfaces
+    only touched, in an edge or a corner. flipped: faces whose winding was turned.
+    components, border_edges, watertight: of the cleaned surface, before its face count changed.
+    resampled: how the face count was brought to the model's budget; within_budget: whether it
+    was, which very many parts can prevent. components_lost: small parts that simplification
+    swallowed. area_kept: surface after resampling over surface before it.
+    note: what reading the file left out or had to guess; mostly empty.
+    """
+
+    faces_in: int
+    faces_used: int
+    vertices_in: int
+    vertices_merged: int
+    degenerate_dropped: int
+    duplicates_dropped: int
+    nonmanifold_edges: int
+    vertices_split: int
+    flipped: int
+    components: int
+    border_edges: int
+    watertight: bool
+    resampled: Literal["none", "decimated", "subdivided"]
+    within_budget: bool
+    components_lost: int
+    area_kept: float
+    note: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,6 +164,5 @@ def _sphere(
 
     The centroid is weighted by area: that of the vertices would move with the triangulation.
     """
-    centroids, _, areas = measure_faces(vertices, faces)
-    centre = weighted_mean(centroids, areas)
+    centre = surface_centroid(face_geometry(vertices, faces))
     return centre, farthest(vertices, centre)

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from meshconv3d.model.errors import UnusableMesh
 from meshconv3d.model.jit import kernel
 from meshconv3d.model.mesh import Mesh
-from meshconv3d.model.preparation.triangles import (
+from meshconv3d.model.topology.geometry import (
+    FaceGeometry,
     bounds,
-    enclose,
-    have_height,
-    measure_faces,
-    weighted_mean,
+    face_areas,
+    face_geometry,
+    surface_centroid,
 )
 from meshconv3d.model.topology.halfedges import find_twins
 
@@ -115,9 +115,27 @@ def drop_degenerate(
     vertices: NDArray[np.float64], faces: NDArray[np.int32]
 ) -> tuple[NDArray[np.int32], int]:
     """Drop faces that name a vertex twice or have no height. Returns (faces, dropped)."""
-    _, _, areas = measure_faces(vertices, faces)
-    sound = faces[have_height(vertices, faces, areas, FLATNESS)]
+    sound = faces[_have_height(vertices, faces, face_areas(vertices, faces))]
     return sound, len(faces) - len(sound)
+
+
+@kernel
+def _have_height(
+    vertices: NDArray[np.float64], faces: NDArray[np.int32], areas: NDArray[np.float64]
+) -> NDArray[np.bool_]:
+    """Which triangles (F) have more than FLATNESS of the area that their longest side allows."""
+    sound = np.empty(len(faces), np.bool_)
+    for f in range(len(faces)):
+        longest = 0.0
+        for s in range(3):
+            u, v = faces[f, s], faces[f, (s + 1) % 3]
+            square = 0.0
+            for k in range(3):
+                step = vertices[u, k] - vertices[v, k]
+                square += step * step
+            longest = max(longest, square)
+        sound[f] = 2 * areas[f] > FLATNESS * longest
+    return sound
 
 
 def drop_unused(
@@ -264,17 +282,48 @@ def face_inward(
     it, as for a single sheet, it keeps the winding of most of its faces.
     """
     component, _, count = _spread_orientation(faces, twin)
-    centroids, area_normals, face_areas = measure_faces(vertices, faces)
-    middle = weighted_mean(centroids, face_areas)
-    areas, volumes, outwards = enclose(
-        component, count, centroids, area_normals, face_areas, middle
-    )
+    geometry = face_geometry(vertices, faces)
+    middle = surface_centroid(geometry)
+    areas, volumes, outwards = _enclosed(component, count, geometry, middle)
     borders = np.bincount(component, (twin.reshape(-1, 3) < 0).sum(axis=1), count)
     least = np.where(borders > 0, OPEN_VOLUME, CLOSED_VOLUME) * areas**1.5
     seen = np.abs(outwards) > OPEN_VOLUME * areas**1.5
     flat = np.where(seen, outwards < 0, np.bincount(component, winding, count) < 0)
     turn = np.where(np.abs(volumes) > least, volumes < 0, flat)
     return turn[component], count
+
+
+@kernel
+def _enclosed(
+    component: NDArray[np.int32], count: int, geometry: FaceGeometry, middle: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """(areas, volumes, outwards) of each of `count` components.
+
+    component: F int32, of every face. volumes: spanned by the component with its own centre;
+    outwards: with `middle`. Negative where it faces inward.
+    """
+    centroids, areas = geometry.corner_sums / 3, geometry.doubles / 2
+    total = np.zeros(count)
+    centres = np.zeros((count, 3))
+    for f in range(len(component)):
+        total[component[f]] += areas[f]
+        for k in range(3):
+            centres[component[f], k] += areas[f] * centroids[f, k]
+    for part in range(count):
+        for k in range(3):
+            centres[part, k] /= total[part]
+    own = np.zeros(count)
+    common = np.zeros(count)
+    for f in range(len(component)):
+        part = component[f]
+        height = 0.0
+        height_common = 0.0
+        for k in range(3):
+            height += (centroids[f, k] - centres[part, k]) * geometry.crosses[f, k]
+            height_common += (centroids[f, k] - middle[k]) * geometry.crosses[f, k]
+        own[part] += height / 2
+        common[part] += height_common / 2
+    return total, own / 3, common / 3
 
 
 def count_components(faces: NDArray[np.int32], vertex_count: int) -> int:

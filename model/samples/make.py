@@ -16,7 +16,7 @@ import trimesh
 
 from meshconv3d.model.mesh import Mesh
 from meshconv3d.model.preparation import into_unit_sphere
-from meshconv3d.model.preparation.resampling import decimate
+from meshconv3d.model.preparation.simplification import decimate
 from meshconv3d.model.samples.shapes import SHAPES
 from meshconv3d.model.samples.solids import surface
 

@@ -1,10 +1,10 @@
-"""The topology stage: everything about a mesh that the network reads as an index.
+"""The topology stage: everything about a mesh that the network reads as an index or a descriptor.
 
-`halfedges` pairs the edges, `patches` walks neighbourhoods, `pooling` collapses faces, `surface`
-is one pooling level of one mesh and `levels` all of them, `ragged` joins the meshes of a batch.
+`halfedges` pairs edges and walks patches, `pooling` collapses faces, `surface` is the levels of one
+mesh, `batch` those of several. `geometry` measures triangles; `descriptors` and
+`integral_invariants` are what the network reads of each face; `inputs` puts all together.
 """
 
-from meshconv3d.model.topology.levels import Topology, build_topology
-from meshconv3d.model.topology.surface import Surface, TopologyOptions
+from meshconv3d.model.topology.surface import Surface, Topology, TopologyOptions, build_topology
 
 __all__ = ["Surface", "Topology", "TopologyOptions", "build_topology"]

@@ -4,6 +4,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshconv3d.model.jit import kernel
+from meshconv3d.model.topology.geometry import (
+    FaceGeometry,
+    Vector,
+    add,
+    cross,
+    dot,
+    length,
+    row,
+    scale,
+    subtract,
+    write,
+)
 
 # Seven 3-vectors for each face: the first three are equation 1's, the last four equation 2's.
 GEODESIC_TERMS = ("corner offsets", "corner normals", "apex edge differences")
@@ -12,14 +24,13 @@ GEOMETRIC_TERMS = ("centroid", "normal", "centroid differences", "normal cross p
 # In radii of the unit sphere. A shorter vector points nowhere in particular.
 SHORTEST_TANGENT = 1e-3
 
-Vector = tuple[float, float, float]
-
 
 @kernel
 def descriptor_terms(
     vertices: NDArray[np.float64],
     faces: NDArray[np.int32],
     twin: NDArray[np.int32],
+    geometry: FaceGeometry,
     absolute_offsets: bool,
     face_axes: bool,
 ) -> NDArray[np.float32]:
@@ -41,56 +52,52 @@ def descriptor_terms(
     term in 2. The normal of a face without area is zero. Components are those along the axes of
     the file or, with face_axes, along those of each face, see `_face_axes`.
     """
-    centroids, normals = _measure_faces(vertices, faces)
+    centroids, normals = _centroids_and_normals(geometry)
     vertex_normals = _average_normals(normals, faces, len(vertices))
     terms = np.empty((7 * len(faces), 3), np.float32)
     axes = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
     for f in range(len(faces)):
-        centroid, normal = _row(centroids, f), _row(normals, f)
+        centroid, normal = row(centroids, f), row(normals, f)
         if face_axes:
             axes = _face_axes(vertices, faces, f, centroid, normal)
         offsets = corner_normals = apex_differences = (0.0, 0.0, 0.0)
         centroid_differences = normal_products = (0.0, 0.0, 0.0)
         for s in range(3):
-            offset = _along(axes, _subtract(_row(vertices, faces[f, s]), centroid))
-            offsets = _add(offsets, _magnitudes(offset) if absolute_offsets else offset)
-            corner_normals = _add(corner_normals, _row(vertex_normals, faces[f, s]))
+            offset = _along(axes, subtract(row(vertices, faces[f, s]), centroid))
+            offsets = add(offsets, _magnitudes(offset) if absolute_offsets else offset)
+            corner_normals = add(corner_normals, row(vertex_normals, faces[f, s]))
             t, before = twin[3 * f + s], twin[3 * f + (s + 2) % 3]
             if t >= 0:
-                step = _subtract(centroid, _row(centroids, t // 3))
-                centroid_differences = _add(centroid_differences, _magnitudes(_along(axes, step)))
-                product = _cross(normal, _row(normals, t // 3))
-                normal_products = _add(normal_products, _magnitudes(_along(axes, product)))
+                step = subtract(centroid, row(centroids, t // 3))
+                centroid_differences = add(centroid_differences, _magnitudes(_along(axes, step)))
+                product = cross(normal, row(normals, t // 3))
+                normal_products = add(normal_products, _magnitudes(_along(axes, product)))
             if t >= 0 and before >= 0:
                 # Corner s lies between side s and the side before it. Both edges start at the
                 # corner, so that their difference is that of the apexes.
-                step = _subtract(
-                    _row(vertices, _apex(faces, t)), _row(vertices, _apex(faces, before))
-                )
-                apex_differences = _add(apex_differences, _magnitudes(_along(axes, step)))
-        _write(terms, 7 * f, offsets)
-        _write(terms, 7 * f + 1, _along(axes, corner_normals))
-        _write(terms, 7 * f + 2, apex_differences)
-        _write(terms, 7 * f + 3, _along(axes, centroid))
-        _write(terms, 7 * f + 4, _along(axes, normal))
-        _write(terms, 7 * f + 5, centroid_differences)
-        _write(terms, 7 * f + 6, normal_products)
+                step = subtract(row(vertices, _apex(faces, t)), row(vertices, _apex(faces, before)))
+                apex_differences = add(apex_differences, _magnitudes(_along(axes, step)))
+        write(terms, 7 * f, offsets)
+        write(terms, 7 * f + 1, _along(axes, corner_normals))
+        write(terms, 7 * f + 2, apex_differences)
+        write(terms, 7 * f + 3, _along(axes, centroid))
+        write(terms, 7 * f + 4, _along(axes, normal))
+        write(terms, 7 * f + 5, centroid_differences)
+        write(terms, 7 * f + 6, normal_products)
     return terms.reshape(len(faces), 7, 3)
 
 
 @kernel
-def pooling_features(
-    vertices: NDArray[np.float64], faces: NDArray[np.int32]
-) -> NDArray[np.float32]:
+def pooling_features(geometry: FaceGeometry) -> NDArray[np.float32]:
     """What the `geometric` reading of equation 5 compares: centroid and normal, F x 6.
 
     They are equation 2's terms that turn with the mesh, in axes that all faces share. The others
     take absolute values per component: a rotation would change their distances, and with them the
     faces that collapse.
     """
-    centroids, normals = _measure_faces(vertices, faces)
-    features = np.empty((len(faces), 6), np.float32)
-    for f in range(len(faces)):
+    centroids, normals = _centroids_and_normals(geometry)
+    features = np.empty((len(centroids), 6), np.float32)
+    for f in range(len(centroids)):
         for k in range(3):
             features[f, k] = centroids[f, k]
             features[f, 3 + k] = normals[f, k]
@@ -111,21 +118,21 @@ def _face_axes(
     corner instead. No rotation of the mesh changes a component along these axes.
     """
     tangent = _in_plane(centroid, normal)
-    if _length(tangent) < SHORTEST_TANGENT:
+    if length(tangent) < SHORTEST_TANGENT:
         farthest = (0.0, 0.0, 0.0)
         for s in range(3):
-            offset = _subtract(_row(vertices, faces[f, s]), centroid)
-            if _dot(offset, offset) > _dot(farthest, farthest):
+            offset = subtract(row(vertices, faces[f, s]), centroid)
+            if dot(offset, offset) > dot(farthest, farthest):
                 farthest = offset
         tangent = _in_plane(farthest, normal)
-    tangent = _scale(tangent, 1 / max(_length(tangent), SHORTEST_TANGENT))
-    return normal, tangent, _cross(normal, tangent)
+    tangent = scale(tangent, 1 / max(length(tangent), SHORTEST_TANGENT))
+    return normal, tangent, cross(normal, tangent)
 
 
 @kernel
 def _in_plane(direction: Vector, normal: Vector) -> Vector:
     """A direction's part in the plane of a face."""
-    return _subtract(direction, _scale(normal, _dot(direction, normal)))
+    return subtract(direction, scale(normal, dot(direction, normal)))
 
 
 @kernel
@@ -135,24 +142,15 @@ def _apex(faces: NDArray[np.int32], half_edge: int) -> int:
 
 
 @kernel
-def _measure_faces(
-    vertices: NDArray[np.float64], faces: NDArray[np.int32]
+def _centroids_and_normals(
+    geometry: FaceGeometry,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Centroids and unit normals, F x 3 each; the normal is zero where a face has no area."""
-    centroids = np.zeros((len(faces), 3))
-    normals = np.zeros((len(faces), 3))
-    for f in range(len(faces)):
-        a, b, c = (
-            _row(vertices, faces[f, 0]),
-            _row(vertices, faces[f, 1]),
-            _row(vertices, faces[f, 2]),
-        )
-        _write(centroids, f, _scale(_add(_add(a, b), c), 1 / 3))
-        across = _cross(_subtract(b, a), _subtract(c, a))
-        length = _length(across)
-        if length > 0:
-            _write(normals, f, _scale(across, 1 / length))
-    return centroids, normals
+    """F x 3 each; the normal is zero where a face has no area."""
+    normals = np.zeros_like(geometry.crosses)
+    for f in range(len(normals)):
+        if geometry.doubles[f] > 0:
+            write(normals, f, scale(row(geometry.crosses, f), 1 / geometry.doubles[f]))
+    return geometry.corner_sums * (1 / 3), normals
 
 
 @kernel
@@ -166,53 +164,10 @@ def _average_normals(
         for s in range(3):
             v = faces[f, s]
             around[v] += 1
-            _write(means, v, _add(_row(means, v), _row(normals, f)))
+            write(means, v, add(row(means, v), row(normals, f)))
     for v in range(vertex_count):
-        _write(means, v, _scale(_row(means, v), 1 / max(around[v], 1)))
+        write(means, v, scale(row(means, v), 1 / max(around[v], 1)))
     return means
-
-
-# 3-vectors are tuples here: they stay in registers, where an array would be allocated.
-
-
-@kernel
-def _row(table: NDArray, i: int) -> Vector:
-    return table[i, 0], table[i, 1], table[i, 2]
-
-
-@kernel
-def _write(table: NDArray, i: int, a: Vector) -> None:
-    table[i, 0], table[i, 1], table[i, 2] = a
-
-
-@kernel
-def _add(a: Vector, b: Vector) -> Vector:
-    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
-
-
-@kernel
-def _subtract(a: Vector, b: Vector) -> Vector:
-    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
-
-
-@kernel
-def _scale(a: Vector, factor: float) -> Vector:
-    return a[0] * factor, a[1] * factor, a[2] * factor
-
-
-@kernel
-def _dot(a: Vector, b: Vector) -> float:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@kernel
-def _cross(a: Vector, b: Vector) -> Vector:
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-
-
-@kernel
-def _length(a: Vector) -> float:
-    return np.sqrt(_dot(a, a))
 
 
 @kernel
@@ -223,4 +178,4 @@ def _magnitudes(a: Vector) -> Vector:
 @kernel
 def _along(axes: tuple[Vector, Vector, Vector], a: Vector) -> Vector:
     """Components along three axes."""
-    return _dot(axes[0], a), _dot(axes[1], a), _dot(axes[2], a)
+    return dot(axes[0], a), dot(axes[1], a), dot(axes[2], a)

@@ -9,15 +9,16 @@ from numpy.typing import NDArray
 
 from meshconv3d.model.config import NetworkConfig
 from meshconv3d.model.mesh import Mesh
-from meshconv3d.model.topology import Surface, Topology, build_topology
+from meshconv3d.model.topology.batch import SurfaceBatch, join_indices
 from meshconv3d.model.topology.descriptors import descriptor_terms, pooling_features
+from meshconv3d.model.topology.geometry import FaceGeometry, face_geometry
 from meshconv3d.model.topology.integral_invariants import integral_invariants
-from meshconv3d.model.topology.ragged import SurfaceBatch, join_indices
+from meshconv3d.model.topology.surface import Surface, Topology, build_topology
 
 
 @dataclass(frozen=True, eq=False)
 class MeshInputs:
-    """One mesh as the network sees it: terms, F_0 x E float32, and how its faces hang together.
+    """One mesh as the network reads it: terms, F_0 x E float32, and the connectivity of its faces.
 
     topology: of all levels; None where pooling is learned, which finds them as the network runs.
     """
@@ -30,10 +31,11 @@ class MeshInputs:
 def mesh_inputs(mesh: Mesh, config: NetworkConfig) -> MeshInputs:
     """Descriptor terms and topology of a prepared mesh."""
     surface = Surface.of(mesh)
-    terms = terms_of(mesh.vertices, mesh.faces, surface, config)
+    geometry = face_geometry(mesh.vertices, mesh.faces)
+    terms = _terms(mesh.vertices, mesh.faces, geometry, surface, config)
     if config.pooling == "learned":
         return MeshInputs(terms, surface, None)
-    features = pooling_features(mesh.vertices, mesh.faces)
+    features = pooling_features(geometry)
     topology = build_topology(
         surface, features, config.patch_size, config.targets, config.topology_options
     )
@@ -43,14 +45,25 @@ def mesh_inputs(mesh: Mesh, config: NetworkConfig) -> MeshInputs:
 def terms_of(
     vertices: NDArray[np.float64], faces: NDArray[np.int32], surface: Surface, config: NetworkConfig
 ) -> NDArray[np.float32]:
-    """What a network's descriptors read of each face, F x E: the 3 D numbers of `descriptor_terms`
-    and, if it looks at them, the M of `integral_invariants`."""
+    """The descriptors' input for each face, F x E: the 3 D numbers of `descriptor_terms` and,
+    where the network has `surroundings`, the M of `integral_invariants`."""
+    return _terms(vertices, faces, face_geometry(vertices, faces), surface, config)
+
+
+def _terms(
+    vertices: NDArray[np.float64],
+    faces: NDArray[np.int32],
+    geometry: FaceGeometry,
+    surface: Surface,
+    config: NetworkConfig,
+) -> NDArray[np.float32]:
+    own_axes = config.axes == "face"
     terms = descriptor_terms(
-        vertices, faces, surface.twin, config.absolute_offsets, config.axes == "face"
+        vertices, faces, surface.twin, geometry, config.absolute_offsets, own_axes
     ).reshape(len(faces), -1)
     if not config.integral_invariants:
         return terms
-    return np.concatenate((terms, integral_invariants(vertices, faces)), axis=1)
+    return np.concatenate((terms, integral_invariants(vertices, faces, geometry)), axis=1)
 
 
 def input_names(config: NetworkConfig) -> list[str]:

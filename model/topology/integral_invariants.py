@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshconv3d.model.jit import kernel
+from meshconv3d.model.topology.geometry import FaceGeometry
 
 # Of the balls, in radii of the unit sphere; the last holds any mesh.
 RADII = (0.1, 0.2, 0.4, 0.8, 2.0)
@@ -25,7 +26,7 @@ SUMS = 13
 
 @kernel
 def integral_invariants(
-    vertices: NDArray[np.float64], faces: NDArray[np.int32]
+    vertices: NDArray[np.float64], faces: NDArray[np.int32], geometry: FaceGeometry
 ) -> NDArray[np.float32]:
     """F x M float32, M = MEASURES. vertices: V x 3 float64, in the unit sphere.
 
@@ -42,7 +43,9 @@ def integral_invariants(
     then for its centroid c, from the mean of the whole surface, whose covariance over its trace
     is C: |c|, |c . n|, sqrt(c C c), |C c|, n C n, |C n|, |c C n|.
     """
-    centroids, normals, areas = _measure_faces(vertices, faces)
+    centroids, areas = geometry.corner_sums / 3, geometry.doubles / 2
+    # No normal where there is no area.
+    normals = geometry.crosses / np.where(geometry.doubles > 0, geometry.doubles, 1.0)[:, None]
     points, point_normals, weights = _spread_points(vertices, faces, normals, areas)
     out = np.zeros((len(faces), MEASURES), np.float32)
     sums = np.empty((len(RADII), SUMS))
@@ -170,28 +173,6 @@ def _place_in_whole(
         out[f, 4] = _dot(n, along_n)
         out[f, 5] = math.sqrt(_dot(along_n, along_n))
         out[f, 6] = abs(_dot(c, along_n))
-
-
-@kernel
-def _measure_faces(
-    vertices: NDArray[np.float64], faces: NDArray[np.int32]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Centroids and unit normals, F x 3 each, and areas, F. No normal where there is no area."""
-    centroids = np.zeros((len(faces), 3))
-    normals = np.zeros((len(faces), 3))
-    areas = np.zeros(len(faces))
-    for f in range(len(faces)):
-        a, b, c = vertices[faces[f, 0]], vertices[faces[f, 1]], vertices[faces[f, 2]]
-        for k in range(3):
-            i, j = (k + 1) % 3, (k + 2) % 3
-            centroids[f, k] = (a[k] + b[k] + c[k]) / 3
-            normals[f, k] = (b[i] - a[i]) * (c[j] - a[j]) - (b[j] - a[j]) * (c[i] - a[i])
-        double = math.sqrt(_dot(normals[f], normals[f]))
-        areas[f] = double / 2
-        if double > 0:
-            for k in range(3):
-                normals[f, k] /= double
-    return centroids, normals, areas
 
 
 @kernel

@@ -1,14 +1,19 @@
-"""From the half-edges of one mesh to every index the network gathers with."""
+"""The pooling levels of one mesh: every index by which the network gathers features."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from meshconv3d.model.mesh import Mesh
-from meshconv3d.model.topology.halfedges import edge_lengths, find_twins, sort_adjacency
-from meshconv3d.model.topology.patches import grow_patches
-from meshconv3d.model.topology.pooling import pool_faces
+from meshconv3d.model.topology.halfedges import (
+    edge_lengths,
+    find_twins,
+    grow_patches,
+    sort_adjacency,
+)
+from meshconv3d.model.topology.pooling import gather_mean, pool_faces
 
 
 @dataclass(frozen=True)
@@ -24,7 +29,7 @@ DEFAULT_OPTIONS = TopologyOptions()
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """How the faces of one pooling level hang together.
+    """Connectivity and side lengths of the faces of one pooling level.
 
     twin: H int32, the half-edge across each edge or -1. lengths: H float64, in mesh units; a
     pooled face keeps the side lengths that it had in the prepared mesh.
@@ -60,3 +65,42 @@ class Surface:
         )
         lengths = self.lengths.reshape(-1, 3).take(kept, axis=0).reshape(-1)
         return Surface(twin, lengths), index, shares
+
+
+@dataclass(frozen=True, eq=False)
+class Topology:
+    """The indices of every level of one mesh.
+
+    patches: L arrays, F_l x K int32. pools: L arrays, F_(l+1) x W_l int32, from level l to
+    level l + 1. Entries are face + 1 within their level; 0 is the null face.
+    """
+
+    patches: tuple[NDArray[np.int32], ...]
+    pools: tuple[NDArray[np.int32], ...]
+
+    @property
+    def face_counts(self) -> tuple[int, ...]:
+        """Faces of every level, L + 1 numbers."""
+        return (len(self.patches[0]), *(len(pool) for pool in self.pools))
+
+
+def build_topology(
+    surface: Surface,
+    features: NDArray,
+    patch_size: int,
+    targets: Sequence[int],
+    options: TopologyOptions = DEFAULT_OPTIONS,
+) -> Topology:
+    """All levels under geometric pooling, where the features of equation 5 are known beforehand.
+
+    features: F_0 x C, the fixed geometric features of the input; they are averaged along with
+    the pooling and weigh the faces of every level. targets: one face count for each level.
+    """
+    patches, pools = [], []
+    for target in targets:
+        if pools:
+            features = gather_mean(features, pools[-1])
+        patches.append(surface.patches(patch_size))
+        surface, index, _ = surface.pool(features, target, options)
+        pools.append(index)
+    return Topology(tuple(patches), tuple(pools))

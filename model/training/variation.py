@@ -10,7 +10,7 @@ import numpy as np
 import trimesh
 
 from meshconv3d.model.mesh import Mesh
-from meshconv3d.model.preparation.resampling import decimate
+from meshconv3d.model.preparation.simplification import decimate
 from meshconv3d.model.topology import Surface
 from meshconv3d.model.topology.halfedges import edge_lengths
 

@@ -10,9 +10,9 @@ from meshconv3d.model.config import NetworkConfig
 from meshconv3d.model.nn.levels import GivenLevel, GrownLevel, first_level
 from meshconv3d.model.nn.network import Network, as_tensors
 from meshconv3d.model.topology import Surface
+from meshconv3d.model.topology.batch import join_indices
 from meshconv3d.model.topology.inputs import collate, mesh_inputs
 from meshconv3d.model.topology.pooling import gather_mean
-from meshconv3d.model.topology.ragged import join_indices
 from tests.meshes import icosphere, sheet, torus
 
 MESHES = [torus(), sheet(), icosphere(3)]

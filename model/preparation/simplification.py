@@ -5,13 +5,19 @@ in turn may glue and fold what it simplifies. Far above the face budget there is
 it leaves is cleaned again, and simplified on with care.
 """
 
+import os
+
 import numpy as np
 from numpy.typing import NDArray
 
 from meshconv3d.model.errors import UnusableMesh
 from meshconv3d.model.mesh import Mesh
 from meshconv3d.model.preparation.cleaning import bounding_cube, clean
-from meshconv3d.model.preparation.triangles import surface_area
+from meshconv3d.model.topology.geometry import surface_area
+
+# Read as libigl is first used. To start threads for each mesh takes longer than they save, and
+# where all cores are busy, they wait for each other.
+os.environ.setdefault("IGL_NUM_THREADS", "1")
 
 # Faces up to which care costs no more than a fifth of a second.
 MOST_FACES = 20_000
@@ -45,3 +51,19 @@ def _cleaned(mesh: Mesh) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
     corner, size = bounding_cube(mesh)
     vertices, faces, _ = clean(mesh)
     return vertices * size + corner, faces
+
+
+def decimate(
+    vertices: NDArray[np.float64], faces: NDArray[np.int32], budget: int
+) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """Quadric edge collapse from above to `budget` faces, keeping components and borders.
+
+    The input is an edge-manifold without degenerate faces. The count can end above the budget
+    where every further collapse would change the topology. libigl holds the GIL throughout, so
+    calls from several threads run one after the other.
+    """
+    # libigl pulls in scipy: a mesh that fits its budget need not wait for that.
+    import igl
+
+    result = igl.qslim(np.asfortranarray(vertices), np.asfortranarray(faces), budget)
+    return np.ascontiguousarray(result[0]), np.ascontiguousarray(result[1], dtype=np.int32)

@@ -1,4 +1,4 @@
-"""Very many faces become few quickly, and no shape is lost to that."""
+"""Simplification meets the face budget from above, and the shape stays."""
 
 import numpy as np
 import pytest
@@ -6,9 +6,9 @@ import pytest
 from meshconv3d.model.mesh import Mesh
 from meshconv3d.model.preparation import prepare, prepare_placed, surface_area
 from meshconv3d.model.preparation.cleaning import clean
-from meshconv3d.model.preparation.coarsening import MOST_FACES, ROOM, coarsen
+from meshconv3d.model.preparation.simplification import MOST_FACES, ROOM, coarsen, decimate
 from meshconv3d.model.topology.halfedges import find_twins
-from tests.meshes import sheet, together, torus
+from tests.meshes import icosphere, sheet, together, torus
 
 BUDGET = 500
 
@@ -66,3 +66,25 @@ def test_the_order_of_the_file_changes_nothing() -> None:
     other, _ = prepare(Mesh(mesh.vertices, mesh.faces[order]), BUDGET)
     assert (one.vertices == other.vertices).all()
     assert (one.faces == other.faces).all()
+
+
+@pytest.mark.parametrize("mesh", [icosphere(3), torus(40, 20), together(icosphere(3), torus())])
+@pytest.mark.parametrize("budget", [500, 300])
+def test_closed_meshes_are_decimated_to_the_budget_exactly(mesh, budget):
+    vertices, faces = decimate(mesh.vertices, mesh.faces, budget)
+    _, border, nonmanifold = find_twins(faces, len(vertices))
+    assert len(faces) == budget
+    assert (border, nonmanifold) == (0, 0)
+    area = surface_area(mesh.vertices, mesh.faces)
+    assert surface_area(vertices, faces) == pytest.approx(area, rel=0.05)
+
+
+def test_an_open_sheet_keeps_its_border():
+    mesh = sheet(30, 30)
+    vertices, faces = decimate(mesh.vertices, mesh.faces, 500)
+    _, border, nonmanifold = find_twins(faces, len(vertices))
+    assert len(faces) in (499, 500)
+    assert nonmanifold == 0
+    assert border > 10
+    extent = np.ptp(vertices, axis=0)[:2]
+    assert extent == pytest.approx(np.ptp(mesh.vertices, axis=0)[:2], rel=0.02)

@@ -3,8 +3,12 @@
 import numpy as np
 import pytest
 
-from meshconv3d.model.topology.operators import grow_patches, pool_faces
-from meshconv3d.model.topology.ragged import SurfaceBatch, join_indices
+from meshconv3d.model.topology.batch import (
+    SurfaceBatch,
+    grow_patches,
+    join_indices,
+    pool_faces,
+)
 from meshconv3d.model.topology.surface import DEFAULT_OPTIONS, Surface, TopologyOptions
 from tests.meshes import cube, icosphere, sheet, torus
 

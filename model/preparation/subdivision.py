@@ -1,33 +1,12 @@
-"""Bring a clean mesh to the face count that the network was trained on."""
+"""Subdivision of a mesh with too few faces: longest edges are split at their middle."""
 
 import heapq
-import os
 
 import numpy as np
 from numpy.typing import NDArray
 
 from meshconv3d.model.jit import kernel
 from meshconv3d.model.topology.halfedges import find_twins
-
-# Read as libigl is first used. To start threads for each mesh takes longer than they save, and
-# where all cores are busy, they wait for each other.
-os.environ.setdefault("IGL_NUM_THREADS", "1")
-
-
-def decimate(
-    vertices: NDArray[np.float64], faces: NDArray[np.int32], budget: int
-) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    """Quadric edge collapse from above to `budget` faces, keeping components and borders.
-
-    The input is an edge-manifold without degenerate faces. The count can end above the budget
-    where every further collapse would change the topology. libigl holds the GIL throughout, so
-    calls from several threads run one after the other.
-    """
-    # libigl pulls in scipy: a mesh that fits its budget need not wait for that.
-    import igl
-
-    result = igl.qslim(np.asfortranarray(vertices), np.asfortranarray(faces), budget)
-    return np.ascontiguousarray(result[0]), np.ascontiguousarray(result[1], dtype=np.int32)
 
 
 def subdivide(
