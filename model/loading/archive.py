@@ -1,4 +1,4 @@
-"""Zip archives, of which no more is unpacked than the limits allow."""
+"""ZIP archives, of which no more is unpacked than the limits allow."""
 
 import struct
 import zipfile
@@ -6,13 +6,13 @@ import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from io import BytesIO
+from typing import BinaryIO
 
-from meshconv3d.model.errors import MalformedFile
+from meshconv3d.model.errors import MalformedFile, MeshError
 from meshconv3d.model.loading.limits import Limits
 from meshconv3d.model.loading.text import quoted
 
 _BLOCK = 2**16  # bytes
-_DIRECTORY_ENTRY = b"PK\x01\x02"
 _PLAIN = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 # What damaged bytes make zipfile raise.
 _DAMAGED = (
@@ -29,26 +29,41 @@ _DAMAGED = (
 
 
 class Archive:
-    """The files of an archive by their names, which are compared without case.
+    """The files of an archive.
 
-    Raises MalformedFile where the bytes are no whole archive, LimitExceeded where it has too many
-    files.
+    source: its bytes, or a file that is open for reading and stays open.
+    names: their paths, as they are written.
+
+    Raises MalformedFile where it is no whole archive, LimitExceeded where it has too many files.
     """
 
-    def __init__(self, data: bytes, limits: Limits) -> None:
-        limits.check("entries", data.count(_DIRECTORY_ENTRY))
-        with _damage_told():
-            self._zip = zipfile.ZipFile(BytesIO(data))
-        self._entries = {normal(entry.filename): entry for entry in self._zip.infolist()}
-        self._size = len(data)
-        self._unpacked = 0
+    def __init__(self, source: bytes | BinaryIO, limits: Limits) -> None:
+        file = BytesIO(source) if isinstance(source, bytes) else source
+        self._size = file.seek(0, 2)
         self._limits = limits
+        self._unpacked = 0
+        bounded = _BoundedReads(file, limits)
+        with _damage_told():
+            self._zip = zipfile.ZipFile(bounded)  # type: ignore[arg-type]
+        bounded.opening = False
+        self._entries = {entry.filename: entry for entry in self._zip.infolist()}
+        limits.check("entries", len(self._entries))
+        self.names = list(self._entries)
 
-    def __contains__(self, name: str) -> bool:
-        return name in self._entries
+    def content(self, name: str) -> bytes:
+        """A whole file, bounded by itself. Raises MalformedFile and LimitExceeded."""
+        self._limits.check("unpacked_bytes", self._entries[name].file_size)
+        return b"".join(self._unpack(name))
 
-    def read(self, name: str) -> Iterator[bytes]:
-        """A file in small blocks. Raises MalformedFile and LimitExceeded."""
+    def blocks(self, name: str) -> Iterator[bytes]:
+        """A file in small pieces, bounded together with those before it.
+
+        Raises MalformedFile and LimitExceeded.
+        """
+        self._limits.check("unpacked_bytes", self._unpacked + self._entries[name].file_size)
+        return self._unpack(name)
+
+    def _unpack(self, name: str) -> Iterator[bytes]:
         entry = self._entries[name]
         if entry.flag_bits & 1 or entry.compress_type not in _PLAIN:
             raise MalformedFile(
@@ -57,22 +72,49 @@ class Archive:
             )
         # zipfile gives no more than is declared here.
         self._unpacked += entry.file_size
-        self._limits.check("unpacked_bytes", self._unpacked)
         self._limits.check("unpacked_bytes_per_byte", -(-self._unpacked // self._size))
         with _damage_told(), self._zip.open(entry) as file:
             while block := file.read(_BLOCK):
                 yield block
 
 
-def normal(path: str) -> str:
-    """Names are compared without case, and from the root of the archive."""
-    return path.replace("\\", "/").lstrip("/").lower()
+def is_zip(data: bytes) -> bool:
+    """Whether the bytes begin as a ZIP archive does."""
+    return data.startswith((b"PK\x03\x04", b"PK\x05\x06"))
+
+
+def is_3mf(data: bytes) -> bool:
+    """Whether a ZIP archive is a 3MF package: it has a 3D model part."""
+    try:
+        names = Archive(data, Limits()).names
+    except MeshError:
+        return False
+    return any(name.lower().endswith(".model") for name in names)
+
+
+class _BoundedReads:
+    """A file whose list of entries must not be larger than the limits allow: zipfile reads it at
+    once when it opens an archive, and takes many times as long for it as for its bytes."""
+
+    def __init__(self, file: BinaryIO | BytesIO, limits: Limits) -> None:
+        self.opening = True
+        self.seek, self.tell, self._file, self._limits = file.seek, file.tell, file, limits
+
+    def read(self, size: int = -1) -> bytes:
+        if self.opening:
+            self._limits.check("directory_bytes", size)
+        return self._file.read(size)
+
+    def seekable(self) -> bool:
+        return True
 
 
 @contextmanager
 def _damage_told() -> Iterator[None]:
     try:
         yield
+    except MeshError:
+        raise
     except _DAMAGED as error:
         raise MalformedFile(
             "truncated",

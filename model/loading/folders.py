@@ -1,11 +1,17 @@
-"""The mesh files of a folder."""
+"""Mesh files where they lie, in folders and archives, and the pieces that lie beside them."""
 
 import logging
 import os
-from collections.abc import Iterator
-from pathlib import Path
+from collections.abc import Callable, Iterator
+from pathlib import Path, PurePosixPath
+from typing import BinaryIO
 
-from meshconv3d.model.loading.formats import FORMATS
+from meshconv3d.model.errors import MeshError
+from meshconv3d.model.loading.archive import Archive
+from meshconv3d.model.loading.formats import ARCHIVE, FORMATS, detect_format
+from meshconv3d.model.loading.gltf import piece_names
+from meshconv3d.model.loading.limits import Limits
+from meshconv3d.model.loading.text import as_utf8
 
 log = logging.getLogger(__name__)
 
@@ -77,6 +83,87 @@ def has_other_format(name: str) -> bool:
 def extension(name: str) -> str:
     """The part of a file's name after its last dot, in small letters."""
     return os.path.splitext(name)[1].lower().lstrip(".")
+
+
+class MeshArchive:
+    """The mesh files in a ZIP archive. Hidden files and archives within it are passed over.
+
+    source: its bytes, or a file that is open for reading and stays open.
+    names: paths of the mesh files, sorted.
+
+    Raises MalformedFile and LimitExceeded.
+    """
+
+    def __init__(self, source: bytes | BinaryIO, limits: Limits) -> None:
+        self._archive = Archive(source, limits)
+        self._limits = limits
+        # By paths that do not lead out of the archive.
+        self._paths = {
+            "/".join(part for part in path.split("/") if part not in ("", ".", "..")): path
+            for path in self._archive.names
+            if not path.endswith("/")
+        }
+        self.names = sorted(name for name in self._paths if _is_shown_mesh(name))
+
+    def read(self, name: str) -> tuple[bytes, dict[str, bytes]]:
+        """The content of a mesh file, and its pieces. Raises MalformedFile and LimitExceeded."""
+        folder = PurePosixPath(name).parent
+
+        def sibling(piece: str) -> bytes | None:
+            path = self._paths.get(str(folder / piece))
+            return None if path is None else self._archive.content(path)
+
+        content = self._archive.content(self._paths[name])
+        return content, find_pieces(content, name, sibling, self._limits)
+
+
+def find_pieces(
+    data: bytes, name: str | None, read: Callable[[str], bytes | None], limits: Limits
+) -> dict[str, bytes]:
+    """The other files in which a mesh file keeps its buffers, by their paths relative to it.
+
+    Files that are not there are left out, and files that cannot be read, of which the reader says
+    what is wrong with them.
+
+    read: gives the content of the file with such a path, which never leads out of the mesh file's
+        folder, or None where there is none.
+
+    Raises LimitExceeded.
+    """
+    data = as_utf8(data)
+    try:
+        names = piece_names(data, limits) if detect_format(data, name).in_pieces else []
+    except MeshError:
+        return {}
+    limits.check("entries", len(names), f"the file names {len(names)} others")
+    pieces: dict[str, bytes] = {}
+    for name in names:
+        content = read(name)
+        if content is not None:
+            pieces[name] = content
+            limits.check("piece_bytes", sum(map(len, pieces.values())))
+    return pieces
+
+
+def read_beside(mesh: Path, piece: str, limits: Limits) -> bytes | None:
+    """The content of a file in the folder of a mesh file or below; None where there is none.
+
+    Links are followed within that folder alone; what is no file, such as a pipe, is not read.
+
+    Raises LimitExceeded and OSError.
+    """
+    folder = mesh.parent.resolve()
+    path = (folder / piece).resolve()
+    if not path.is_relative_to(folder) or not path.is_file():
+        return None
+    with path.open("rb") as file:
+        limits.check("piece_bytes", os.fstat(file.fileno()).st_size)
+        return file.read(limits.piece_bytes)
+
+
+def _is_shown_mesh(path: str) -> bool:
+    is_mesh = has_mesh_name(path) and extension(path) != ARCHIVE.extension
+    return is_mesh and not any(map(is_hidden, path.split("/")))
 
 
 def _is_file(entry: os.DirEntry[str]) -> bool:

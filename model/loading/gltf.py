@@ -1,91 +1,119 @@
-"""glTF 2.0, binary (.glb) and JSON with embedded buffers (.gltf).
+"""glTF, binary (.glb) and JSON (.gltf), of the versions 1.0 and 2.0.
 
-Read by NumPy: what has to be checked before trimesh may be given a file (every index, length and
-stride, and how often each is placed) is nearly all that reading one takes.
+Read with NumPy: a general library would have to be guarded by the same checks of every index,
+length and stride that reading takes.
 """
 
 import re
 import struct
+from collections.abc import Mapping
 
 from meshconv3d.model.errors import MalformedFile
-from meshconv3d.model.loading.gltf_buffers import Buffers
+from meshconv3d.model.loading.gltf_arrays import Buffers, piece_name
 from meshconv3d.model.loading.gltf_document import (
     Document,
     children,
     cut_off,
     entries,
-    item,
+    items,
     parse,
     unsupported,
+    upgraded,
 )
-from meshconv3d.model.loading.gltf_meshes import Surface, surfaces
-from meshconv3d.model.loading.gltf_nodes import placed_meshes
+from meshconv3d.model.loading.gltf_scene import placed_surfaces
 from meshconv3d.model.loading.limits import Limits
-from meshconv3d.model.loading.scene import Matrix, flatten
+from meshconv3d.model.loading.scene import flatten
 from meshconv3d.model.loading.text import quoted
 from meshconv3d.model.loading.triangles import Triangles
 
 _JSON_CHUNK, _BINARY_CHUNK = 0x4E4F534A, 0x004E4942
-# Required extensions that leave the triangles as they are, or that are read.
-_HARMLESS = re.compile(
-    "KHR_materials_.*|(KHR|EXT|MSFT)_texture_.*|KHR_lights_punctual|KHR_mesh_quantization"
-    "|KHR_animation_pointer|KHR_xmp.*"
+
+# Extensions that a file may require: they are read, or leave the vertices where they are.
+_READ = re.compile(
+    "KHR_draco_mesh_compression|(KHR|EXT)_meshopt_compression|KHR_mesh_quantization"
+    "|EXT_mesh_gpu_instancing|KHR_node_visibility|KHR_binary_glTF|WEB3D_quantized_attributes"
+    "|(KHR|ADOBE|NV)_materials_.*|(KHR|EXT|MSFT|MPEG)_texture_.*|(KHR|EXT)_lights_.*"
+    "|KHR_techniques_webgl|KHR_animation_pointer|KHR_interactivity|KHR_node_.*ability"
+    "|(KHR|OMI)_(audio|physics).*|(KHR_xmp|MSFT_packing|VRM|AGI_|FB_).*|MSFT_lod|CESIUM_RTC"
+    "|CESIUM_primitive_outline|EXT_mesh_(features|manifold)|EXT_(structural|feature)_metadata"
+    "|EXT_instance_features"
 )
+# Extensions that move vertices and are not read: refused even where a file only uses them.
+_UNREAD = re.compile("(?i:(mesh_compression_)?open3dgc).*|MPEG_(accessor_timed|mesh_linking)")
 
 
-def read_gltf(data: bytes, limits: Limits) -> Triangles:
-    """The triangles of a .gltf file whose buffers are data: URIs.
+def read_gltf(data: bytes, limits: Limits, pieces: Mapping[str, bytes]) -> Triangles:
+    """The triangles of a .gltf file. pieces: what its buffers may name, by relative paths.
 
     Raises MalformedFile and LimitExceeded.
     """
-    return _read(data, None, limits)
+    return _read(data, None, limits, pieces)
 
 
-def read_glb(data: bytes, limits: Limits) -> Triangles:
-    """The triangles of a .glb file. Raises MalformedFile and LimitExceeded."""
-    return _read(*_split_chunks(data), limits)
+def read_glb(data: bytes, limits: Limits, pieces: Mapping[str, bytes]) -> Triangles:
+    """The triangles of a .glb file. Arguments and errors are those of `read_gltf`."""
+    return _read(*_split_container(data), limits, pieces)
 
 
-def _read(text: bytes, binary: bytes | None, limits: Limits) -> Triangles:
-    document = parse(text, limits)
-    _check_version(document)
+def piece_names(data: bytes, limits: Limits) -> list[str]:
+    """Relative paths of the other files in which a .gltf or .glb keeps its buffers.
+
+    Raises MalformedFile and LimitExceeded; for a path that leads elsewhere, MalformedFile.
+    """
+    text = _split_container(data)[0] if data.startswith(b"glTF") else data
+    uris = [buffer.get("uri") for buffer in items(_document(text, limits), "buffers")]
+    named = (uri for uri in uris if uri is not None and not str(uri).startswith("data:"))
+    return list(dict.fromkeys(map(piece_name, named)))
+
+
+def _read(
+    text: bytes, binary: bytes | None, limits: Limits, pieces: Mapping[str, bytes]
+) -> Triangles:
+    document = _document(text, limits)
     _check_extensions(document)
-    buffers = Buffers(document, binary)
-    meshes: dict[int, list[Surface]] = {}
-    placed: list[tuple[Surface, Matrix]] = []
-    primitives = 0
-    for number, matrix in placed_meshes(document, limits):
-        if number not in meshes:
-            meshes[number] = surfaces(item(document, "meshes", number), document, buffers)
-        placed += [(surface, matrix) for surface in meshes[number]]
-        primitives += sum(len(surface.primitives) for surface in meshes[number])
-        limits.check("geometries", primitives)
-    return flatten(placed, limits)
+    buffers = Buffers(document, binary, pieces, limits)
+    return flatten(placed_surfaces(document, buffers, limits), limits)
 
 
-def _check_version(document: Document) -> None:
+def _document(text: bytes, limits: Limits) -> Document:
+    """The document, in the form of glTF 2.0."""
+    document = parse(text, limits)
+    if isinstance(document.get("meshes"), dict):
+        return upgraded(document)
     version = str(children(document, "asset").get("version", "2.0"))
     if version.partition(".")[0] != "2":
-        raise unsupported(f"glTF version {quoted(version)} is not read, only 2.x")
+        raise unsupported(f"glTF version {quoted(version)} is not read, only 1.0 and 2.x")
+    return document
 
 
 def _check_extensions(document: Document) -> None:
-    required = map(str, entries(document, "extensionsRequired"))
-    unread = [name for name in required if not _HARMLESS.fullmatch(name)]
+    required = list(map(str, entries(document, "extensionsRequired")))
+    used = list(map(str, entries(document, "extensionsUsed")))
+    unread = [name for name in required if not _READ.fullmatch(name)]
+    unread += [name for name in used if _UNREAD.fullmatch(name)]
     if unread:
         raise unsupported(f"the file requires {quoted(', '.join(unread))}, which is not read")
 
 
-def _split_chunks(data: bytes) -> tuple[bytes, bytes | None]:
-    """The JSON chunk and the binary chunk, if that is the second; the others are passed over."""
+def _split_container(data: bytes) -> tuple[bytes, bytes | None]:
+    """The JSON of a .glb, and its binary part, or None."""
     if len(data) < 20:
         raise cut_off(20, len(data))
     version = struct.unpack_from("<I", data, 4)[0]
+    if version == 1:
+        # KHR_binary_glTF: the JSON's length and format, the JSON, and all that follows.
+        length, form = struct.unpack_from("<2I", data, 12)
+        if form != 0:
+            raise unsupported(f"binary glTF 1.0 with a scene of format {form} is not read, only 0")
+        if 20 + length > len(data):
+            raise cut_off(20 + length, len(data))
+        return data[20 : 20 + length], data[20 + length :]
     if version != 2:
-        raise unsupported(f"binary glTF version {version} is not read, only 2")
+        raise unsupported(f"binary glTF version {version} is not read, only 1 and 2")
     kind, document, position = _chunk(data, 12)
     if kind != _JSON_CHUNK:
         raise MalformedFile("bad-header", "the first chunk of a .glb must be its JSON document")
+    # The binary part, if there is one, is the second chunk; others are passed over.
     if position + 8 <= len(data):
         kind, content, _ = _chunk(data, position)
         if kind == _BINARY_CHUNK:

@@ -23,12 +23,18 @@ class Limits:
 
     It bounds the depth of a scene too, which is walked without recursion.
     """
+    instances: int = 1_000_000
+    """Instances of a glTF file's meshes, of one node or of all together."""
     values: int = 2_000_000
     """Values in the JSON of a glTF file, where each becomes an object in memory."""
     line_bytes: int = 2**20
     """Bytes of one line of text, or of one tag of XML."""
     entries: int = 10_000
-    """Files in an archive, read or not."""
+    """Files in an archive, read or not; other files that one file names."""
+    directory_bytes: int = 2**21
+    """Bytes of the list of an archive's files."""
+    piece_bytes: int = 2**29
+    """Bytes of the other files in which a .gltf keeps its buffers, together."""
     unpacked_bytes: int = 2**29
     """Bytes that the files of an archive which are read unpack to, together.
 

@@ -1,61 +1,61 @@
 """From a path or bytes to a Mesh."""
 
 import os
-from collections.abc import Callable
+from collections.abc import Mapping
 from pathlib import Path
 
+import numpy as np
+
 from meshconv3d.model.errors import MalformedFile, MeshError, UnusableMesh
-from meshconv3d.model.loading.formats import Format, detect_format
-from meshconv3d.model.loading.gltf import read_glb, read_gltf
+from meshconv3d.model.loading.folders import MeshArchive, find_pieces, read_beside
+from meshconv3d.model.loading.formats import ARCHIVE, detect_format
 from meshconv3d.model.loading.limits import Limits
-from meshconv3d.model.loading.obj import read_obj
-from meshconv3d.model.loading.off import read_off
-from meshconv3d.model.loading.ply import read_ply
-from meshconv3d.model.loading.stl import is_exact_binary, read_stl
-from meshconv3d.model.loading.text import as_utf8
-from meshconv3d.model.loading.threemf import read_3mf
-from meshconv3d.model.loading.triangles import Triangles
+from meshconv3d.model.loading.meshopt import decompress
+from meshconv3d.model.loading.stl import is_exact_binary
+from meshconv3d.model.loading.text import as_utf8, quoted
 from meshconv3d.model.mesh import Mesh
 
-_READERS: dict[str, Callable[[bytes, Limits], Triangles]] = {
-    "obj": read_obj,
-    "off": read_off,
-    "stl": read_stl,
-    "ply": read_ply,
-    "glb": read_glb,
-    "gltf": read_gltf,
-    "3mf": read_3mf,
-}
+_SHOWN = 5  # names of an archive's meshes in a message
 
 
 def load_mesh(
-    source: str | os.PathLike[str] | bytes, name: str | None = None, limits: Limits | None = None
+    source: str | os.PathLike[str] | bytes,
+    name: str | None = None,
+    limits: Limits | None = None,
+    pieces: Mapping[str, bytes] | None = None,
 ) -> Mesh:
     """All triangles of a mesh file: scenes flattened, polygons split, nothing welded or cleaned.
+
+    A ZIP archive that holds one mesh file is that file.
 
     source: a path, or the bytes of a file.
     name: the declared file name or extension ("cup.STL", "stl"). A path declares its own; bytes
         without a name are judged by their content.
     limits: the most that the file may hold; with None, the defaults.
+    pieces: the other files in which a .gltf keeps its buffers, by their paths relative to it. With
+        None, those of a path are looked for in its folder and below; bytes have none.
 
     Raises UnknownFormat, MalformedFile, LimitExceeded or UnusableMesh, whatever the bytes are; and
     OSError (FileNotFoundError, ...) when a path cannot be read.
     """
+    limits = limits or Limits()
     if isinstance(source, (bytes, bytearray, memoryview)):
         data = bytes(source)
     else:
         path = Path(source)
         data = path.read_bytes()
         name = path.suffix if name is None else name
-    if not is_exact_binary(data):  # whose header may begin with any bytes
-        data = as_utf8(data)
-    return _read(data, detect_format(data, name), limits or Limits())
-
-
-def _read(data: bytes, known: Format, limits: Limits) -> Mesh:
-    """The mesh in a file whose format is decided."""
+        if pieces is None:
+            pieces = find_pieces(data, name, lambda piece: read_beside(path, piece, limits), limits)
+    data = _decoded(data)
+    known = detect_format(data, name)
     try:
-        return Mesh(*_READERS[known.extension](data, limits))
+        if known is ARCHIVE:
+            data, name, pieces = _only_mesh(data, limits)
+            data = _decoded(data)
+            known = detect_format(data, name)
+        more = (pieces or {},) if known.in_pieces else ()
+        return Mesh(*known.read(data, limits, *more))
     except MeshError:
         raise
     except MemoryError as error:
@@ -70,3 +70,41 @@ def _read(data: bytes, known: Format, limits: Limits) -> Mesh:
             f"the file cannot be read as {known.title}; "
             "it is damaged or was written wrongly, export it again",
         ) from error
+
+
+def warm_up() -> None:
+    """Compile the kernels of readers, or load them from where they are kept, and import Draco.
+
+    Compiling takes more memory than reading, so a process does it before its memory is limited.
+    """
+    import DracoPy  # noqa: F401
+
+    for mode, empty in (
+        ("ATTRIBUTES", b"\xa0" + bytes(32)),
+        ("TRIANGLES", b"\xe1" + bytes(16)),
+        ("INDICES", b"\xd1" + bytes(4)),
+    ):
+        decompress(np.frombuffer(empty, np.uint8), 0, 4, mode, "NONE")
+
+
+def _decoded(data: bytes) -> bytes:
+    """Text in UTF-8, where it was in UTF-16."""
+    # The header of a binary STL may begin with any bytes.
+    return data if is_exact_binary(data) else as_utf8(data)
+
+
+def _only_mesh(data: bytes, limits: Limits) -> tuple[bytes, str, Mapping[str, bytes]]:
+    """Content, name and pieces of the one mesh file in an archive."""
+    archive = MeshArchive(data, limits)
+    if len(archive.names) == 1:
+        content, pieces = archive.read(archive.names[0])
+        return content, archive.names[0], pieces
+    if not archive.names:
+        raise MalformedFile("no-meshes", "the ZIP archive holds no file of a format that is read")
+    shown = ", ".join(map(quoted, archive.names[:_SHOWN]))
+    more = ", …" if len(archive.names) > _SHOWN else ""
+    raise MalformedFile(
+        "several-meshes",
+        f"the ZIP archive holds {len(archive.names)} meshes ({shown}{more}): send it as a batch, "
+        "in which each is a file of its own, or unpack it",
+    )

@@ -10,6 +10,7 @@ import traceback
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from meshconv3d.model import loading
 from meshconv3d.model.errors import MeshError, UnusableMesh
 from meshconv3d.model.loading import Limits
 from meshconv3d.model.mesh import Mesh
@@ -87,6 +88,7 @@ def warm_up(setup: Setup) -> list[ModelInfo]:
     classifiers = [Classifier(file.open(), setup.limits) for file in setup.models]
     for classifier in classifiers:
         classifier.self_test()
+    loading.warm_up()
     if setup.pictured:
         import meshconv3d.service.picture  # noqa: F401  # before memory is limited
     gc.freeze()  # the libraries' objects need not be gone through again and again

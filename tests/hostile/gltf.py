@@ -64,7 +64,10 @@ for _title, _end in {
     _fault = "missing-data" if _title.startswith("second") else "truncated"
     FILES.add(f"cut in the {_title}", _GLB[:_end], _fault)
 FILES.add("a chunk of 4 GB", _GLB[:12] + b"\xff" * 4 + _GLB[16:], "truncated")
-FILES.add("version 1", _GLB[:4] + b"\1\0\0\0" + _GLB[8:], "unsupported-feature")
+FILES.add("version 1 of version 2", _GLB[:4] + b"\1\0\0\0" + _GLB[8:], "unsupported-feature")
+FILES.add("version 3", _GLB[:4] + b"\3\0\0\0" + _GLB[8:], "unsupported-feature")
+FILES.add("version 1 cut off", build.glb1()[:-300], "truncated")
+FILES.add("version 1 of 4 GB", build.glb1()[:12] + b"\xff" * 4 + build.glb1()[16:], "truncated")
 FILES.add("no document first", _GLB[:16] + b"BIN\0" + _GLB[20:], "bad-header")
 FILES.add("no data", build.pack_glb(build.gltf_document()[0], b""), "truncated")
 
@@ -84,7 +87,7 @@ for _key in ("scenes", "nodes", "meshes", "accessors", "bufferViews", "buffers",
 # Arrays
 _set("a view that is null", "bad-number", "accessors", "bufferView", None)
 _add("no view of its own", "unsupported-feature", _without_view)
-_set("sparse", "unsupported-feature", "accessors", "sparse", {"count": 10**9})
+_set("10^9 sparse rows", "bad-accessor", "accessors", "sparse", {"count": 10**9})
 _set("10^12 vertices", "truncated", "accessors", "count", 10**12)
 _set("10^4000 vertices", "truncated", "accessors", "count", 10**4000)
 _set("-1 vertices", "bad-number", "accessors", "count", -1)
@@ -128,9 +131,7 @@ _set("no base64", "bad-data-uri", "buffers", "uri", "data:;base64,AAAAA")
 _set("base64 that is too short", "truncated", "buffers", "uri", "data:;base64,AAAA")
 _set("1 MB of escapes", "zero-extent", "buffers", "uri", "data:," + "%00" * 330_000)
 _replace("an image at an address", None, "images", [{"uri": "http://127.0.0.1:9/a.png"}])
-_replace(
-    "required Draco", "unsupported-feature", "extensionsRequired", ["KHR_draco_mesh_compression"]
-)
+_replace("a required extension of nobody", "unsupported-feature", "extensionsRequired", ["ACME"])
 
 
 # The scene
@@ -208,3 +209,115 @@ def _many_buffers() -> bytes:
 
 
 FILES.add("2000 accessors over one buffer", _many_buffers, None, "box.gltf")
+
+
+# What is packed
+def _draco(header: bytes, corners: int = 36) -> Callable[[dict, bytes], bytes]:
+    def change(document: dict, _: bytes) -> bytes:
+        document["bufferViews"] = [{"buffer": 0, "byteLength": len(header)}]
+        document["buffers"][0]["byteLength"] = len(header)
+        document["accessors"][1]["count"] = corners
+        document["meshes"][0]["primitives"][0]["extensions"] = {
+            "KHR_draco_mesh_compression": {"bufferView": 0, "attributes": {"POSITION": 0}}
+        }
+        return header
+
+    return change
+
+
+_EDGEBREAKER = b"DRACO\2\2\1\1"
+_MANY = b"\xff\xff\xff\xff\1"  # 2^29 - 1
+_add("Draco that is nothing", "bad-draco", _draco(b""))
+_add("Draco that is text", "bad-draco", _draco(b"hello" * 10))
+_add("Draco of points", "bad-draco", _draco(b"DRACO\2\2\0\0" + bytes(40)))
+_add("Draco of 2^29 faces", "bad-draco", _draco(_EDGEBREAKER + b"\0\0\0" + 3 * _MANY))
+_add(
+    "Draco of 2^29 faces behind metadata",
+    "bad-draco",
+    _draco(_EDGEBREAKER + b"\0\x80\0\1\1a\1b\0\0" + 3 * _MANY),
+)
+_add(
+    "Draco of 2^29 values of metadata",
+    "bad-draco",
+    _draco(_EDGEBREAKER + b"\0\x80\0" + _MANY),
+)
+_add(
+    "Draco of as many faces as declared",
+    "too-many-faces",
+    _draco(_EDGEBREAKER + b"\0\0\0" + 3 * _MANY, 3 * (2**29 - 1)),
+)
+_add("Draco in parts of version 1", "bad-draco", _draco(b"DRACO\1\1\1\1\0\0" + b"\xff" * 40))
+
+
+def _meshopt(**changes: Any) -> Callable[[dict, bytes], bytes]:
+    """Positions of zeros, with a control mode that takes no bytes for them."""
+
+    def change(document: dict, data: bytes) -> bytes:
+        packed = b"\xa1" + b"\xaa" * 3 + bytes(24)
+        view = {"buffer": 0, "byteOffset": len(data), "byteLength": len(packed), "count": 8}
+        view |= {"byteStride": 12, "mode": "ATTRIBUTES"} | changes
+        document["bufferViews"][0]["extensions"] = {"KHR_meshopt_compression": view}
+        document["buffers"][0]["byteLength"] += len(packed)
+        return data + packed
+
+    return change
+
+
+_add("meshopt of zeros", "zero-extent", _meshopt())
+_add("meshopt of 4 million elements", "bad-meshopt", _meshopt(count=4_000_000))
+_add("meshopt of 10^12 elements", "too-many-unpacked-bytes", _meshopt(count=10**12))
+_add("meshopt of elements of 0 bytes", "unsupported-feature", _meshopt(byteStride=0))
+_add("meshopt of fewer elements", "truncated", _meshopt(count=4))
+_add("meshopt in a mode of a list", "unsupported-feature", _meshopt(mode=[]))
+_add("meshopt past its buffer", "truncated", _meshopt(byteLength=10**6))
+
+
+# What moves vertices
+def _moved(node: dict, **more: Any) -> Callable[[dict, bytes], bytes]:
+    """Accessor 2 is of as many rows as the box has vertices, 3 of a single matrix of zeros."""
+
+    def change(document: dict, data: bytes) -> bytes:
+        _, data = build.add_array(document, data, np.full((8, 4), 9), "VEC4", 5121)
+        _, data = build.add_array(document, data, np.zeros((1, 16)), "MAT4", 5126)
+        document["nodes"][0] |= node
+        attributes = {"JOINTS_0": 2, "WEIGHTS_0": 2}
+        document["meshes"][0]["primitives"][0]["attributes"] |= attributes
+        document |= more
+        return data
+
+    return change
+
+
+def _instanced(count: int) -> Callable[[dict, bytes], None]:
+    def change(document: dict, _: bytes) -> None:
+        document["accessors"].append({"componentType": 5126, "count": count, "type": "VEC3"})
+        attributes = {"attributes": {"TRANSLATION": 2}}
+        document["nodes"][0]["extensions"] = {"EXT_mesh_gpu_instancing": attributes}
+
+    return change
+
+
+def _morphed(document: dict, _: bytes) -> None:
+    """20 000 targets, all over the same positions."""
+    document["meshes"][0]["weights"] = [1] * 20_000
+    document["meshes"][0]["primitives"][0]["targets"] = [{"POSITION": 0}] * 20_000
+
+
+_add("a skin that is none", "bad-reference", _moved({"skin": 0}))
+_add("a skin without joints", "bad-reference", _moved({"skin": 0}, skins=[{}]))
+_add("joints that are none", "bad-reference", _moved({"skin": 0}, skins=[{"joints": [0]}]))
+_add("a joint that is no node", "bad-reference", _moved({"skin": 0}, skins=[{"joints": [9]}]))
+_add(
+    "10 000 joints with one matrix",
+    "bad-accessor",
+    _moved({"skin": 0}, skins=[{"joints": [0] * 10_000, "inverseBindMatrices": 3}]),
+)
+_add(
+    "inverse bind matrices that are positions",
+    "bad-accessor",
+    _moved({"skin": 0}, skins=[{"joints": [0], "inverseBindMatrices": 0}]),
+)
+_add("10^6 instances", "too-many-faces", _instanced(1_000_000))
+_add("10^12 instances", "too-many-instances", _instanced(10**12))
+_add("20 000 targets of morphs", "too-many-geometries", _morphed)
+_set("weights of morphs that are text", "bad-number", "meshes", "weights", ["1"])

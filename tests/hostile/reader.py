@@ -6,7 +6,7 @@ from contextlib import suppress
 from multiprocessing.connection import Connection
 
 from meshconv3d.model.errors import MeshError
-from meshconv3d.model.loading import load_mesh
+from meshconv3d.model.loading import load_mesh, warm_up
 from tests.hostile import HOSTILE
 
 MEMORY = 400 * 2**20  # bytes that reading may take on top of what the process has
@@ -15,6 +15,7 @@ _FORBIDDEN = ("open", "socket.connect", "socket.getaddrinfo", "subprocess.Popen"
 
 def serve(connection: Connection) -> None:
     """Reads the file of each title that is sent; answers with the error, or the count of faces."""
+    warm_up()
     files = {title: file.data for title, file in HOSTILE.items()}
     for title in (
         "obj: a line of spaces",

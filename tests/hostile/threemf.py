@@ -96,6 +96,41 @@ FILES.add(
     None,
 )
 
+
+def _extra_fields(size: int, entries: int) -> bytes:
+    """Entries of so many bytes of empty extra fields each, in the list of the archive's files."""
+    stream = BytesIO()
+    with zipfile.ZipFile(stream, "w") as package:
+        package.writestr(_ROOT, _MODEL)
+        for number in range(entries):
+            entry = zipfile.ZipInfo(str(number))
+            package.writestr(entry, b"")
+            entry.extra = b"\xfe\xca\0\0" * (size // 4)  # after its own header is written
+    return stream.getvalue()
+
+
+FILES.add("98 MB of extra fields", lambda: _extra_fields(65_000, 1500), "too-many-directory-bytes")
+FILES.add("2 MB of extra fields", lambda: _extra_fields(65_000, 30), None)
+FILES.add(
+    "70 000 entries",
+    lambda: build.archive({str(number): "" for number in range(70_000)}),
+    "too-many-directory-bytes",
+    "box.zip",
+)
+
+
+def _overlapping() -> bytes:
+    """2000 entries that all are the same bytes."""
+    archive = build.archive({"0000.stl": bytes(1_000_000)})
+    start, stop = archive.index(b"PK\1\2"), archive.index(b"PK\5\6")
+    entry = archive[start:stop]
+    entries = b"".join(entry.replace(b"0000.stl", b"%04d.stl" % n) for n in range(2000))
+    counts = struct.pack("<2HI", 2000, 2000, len(entries))
+    return archive[:start] + entries + archive[stop : stop + 8] + counts + archive[stop + 16 :]
+
+
+FILES.add("2000 entries over the same bytes", _overlapping, "several-meshes", "box.zip")
+
 # XML
 _add("no XML", "bad-document", "hello")
 _add("no model part", "bad-header", "<other/>")
@@ -131,6 +166,43 @@ _add(
     .encode("latin-1"),
 )
 _add("mixed encodings", "bad-document", _changed("<build>", "<a>\xe9</a><build>").encode("latin-1"))
+_long = "http://" + "long/" * 200_000
+FILES.add(
+    "a namespace of 1 MB",
+    lambda: _package(_changed("<model ", f'<model xmlns:q="{_long}" '), zipfile.ZIP_STORED),
+    "bad-document",
+)
+FILES.add(
+    "3 million elements",
+    lambda: _package(_changed("<build>", "<a/>" * 3_000_000 + "<build>"), zipfile.ZIP_STORED),
+    "too-many-values",
+)
+
+
+def _attributes(count: int) -> str:
+    return " ".join(f'a{number}=""' for number in range(count))
+
+
+FILES.add(
+    "2 million attributes",
+    lambda: _package(
+        _changed("<build>", f"<a {_attributes(100)}/>" * 20_000 + "<build>"), zipfile.ZIP_STORED
+    ),
+    "too-many-values",
+)
+_spaces = " ".join(f'xmlns:a{number}="b"' for number in range(1000))
+FILES.add(
+    "2 million namespaces",
+    lambda: _package(_changed("<build>", f"<a {_spaces}/>" * 2100 + "<build>"), zipfile.ZIP_STORED),
+    "too-many-values",
+)
+FILES.add(
+    "values of 1 MB",
+    lambda: _package(
+        _changed("<build>", f'<a b="{"c" * 1_000_000}"/>' * 40 + "<build>"), zipfile.ZIP_STORED
+    ),
+    None,
+)
 _names = "".join(f"<n{number}/>" for number in range(40_000))
 _add("40 000 names", "bad-document", _changed("<build>", _names + "<build>"))
 _add(
@@ -184,6 +256,22 @@ _add(
 _items = build.model_xml(build.mesh_xml(), _ITEM * 100_000)
 _add("100 000 items", "too-many-unpacked-bytes-per-byte", _items)
 FILES.add("100 000 items not packed", _package(_items, zipfile.ZIP_STORED), "too-many-geometries")
+FILES.add(
+    "9000 items of one mesh",
+    lambda: _package(build.model_xml(build.mesh_xml(), _ITEM * 9000), zipfile.ZIP_STORED),
+    None,
+)
+FILES.add(
+    "4900 objects",
+    lambda: _package(
+        build.model_xml(
+            "".join(build.mesh_xml(identifier=str(number)) for number in range(4900)),
+            "".join(f'<item objectid="{number}"/>' for number in range(4900)),
+        ),
+        zipfile.ZIP_STORED,
+    ),
+    None,
+)
 _doubled = "".join(_group(n, _component(n - 1) * 2) for n in range(2, 40))
 _add(
     "components that double 38 times",

@@ -121,9 +121,78 @@ def pack_glb_text(text: bytes, data: bytes) -> bytes:
 
 
 def pack_gltf(document: dict, data: bytes) -> bytes:
-    uri = "data:application/octet-stream;base64," + base64.b64encode(data).decode()
-    document["buffers"] = [{"byteLength": len(data), "uri": uri}]
+    document["buffers"] = [{"byteLength": len(data), "uri": data_uri(data)}]
     return json.dumps(document).encode()
+
+
+def add_array(
+    document: dict, data: bytes, values: Any, shape: str, component: int, **more: Any
+) -> tuple[int, bytes]:
+    """The number of a new accessor of a document, and the data with its numbers behind.
+
+    component: the number of a type in glTF; more: further entries of the accessor.
+    """
+    types = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+    values = np.asarray(values).astype(types[component])
+    data += bytes(-len(data) % 4)
+    view = {"buffer": 0, "byteOffset": len(data), "byteLength": values.nbytes}
+    document["bufferViews"].append(view)
+    entry = {"bufferView": len(document["bufferViews"]) - 1, "componentType": component}
+    document["accessors"].append(entry | {"count": len(values), "type": shape} | more)
+    data += values.tobytes()
+    document["buffers"][0]["byteLength"] = len(data)
+    return len(document["accessors"]) - 1, data
+
+
+def gltf1_document(buffer="box") -> tuple[dict, bytes]:
+    """The box in the words of glTF 1.0."""
+    document, data = gltf_document()
+    accessors, views = document["accessors"], document["bufferViews"]
+    return {
+        "asset": {"version": "1.0"},
+        "scene": "all",
+        "scenes": {"all": {"nodes": ["root"]}},
+        "nodes": {"root": {"children": ["leaf"]}, "leaf": {"meshes": ["box"]}},
+        "meshes": {
+            "box": {
+                "primitives": [{"attributes": {"POSITION": "points"}, "indices": "corners"}],
+            }
+        },
+        "accessors": {
+            "points": accessors[0] | {"bufferView": "first", "byteOffset": 0, "byteStride": 12},
+            "corners": accessors[1] | {"bufferView": "second", "byteOffset": 0, "byteStride": 0},
+        },
+        "bufferViews": {
+            "first": views[0] | {"buffer": buffer, "byteOffset": 0},
+            "second": views[1] | {"buffer": buffer},
+        },
+        "buffers": {buffer: {"byteLength": len(data), "type": "arraybuffer"}},
+    }, data
+
+
+def gltf1() -> bytes:
+    document, data = gltf1_document()
+    document["buffers"]["box"]["uri"] = data_uri(data)
+    return json.dumps(document).encode()
+
+
+def glb1() -> bytes:
+    document, data = gltf1_document("binary_glTF")
+    document["buffers"]["binary_glTF"]["uri"] = "data:,"
+    text = json.dumps(document).encode()
+    size = 20 + len(text) + len(data)
+    return struct.pack("<4s4I", b"glTF", 1, size, len(text), 0) + text + data
+
+
+def gltf_in_pieces(uri="box.bin") -> tuple[bytes, bytes]:
+    """A .gltf whose buffer lies in another file, and that file."""
+    document, data = gltf_document()
+    document["buffers"][0]["uri"] = uri
+    return json.dumps(document).encode(), data
+
+
+def data_uri(data: bytes) -> str:
+    return "data:application/octet-stream;base64," + base64.b64encode(data).decode()
 
 
 def glb() -> bytes:
@@ -153,10 +222,14 @@ def model_xml(objects: str, items: str = '<item objectid="1"/>', unit="millimete
 
 
 def threemf(parts: Mapping[str, str | bytes] | None = None) -> bytes:
+    return archive(parts or {"3D/3dmodel.model": model_xml(mesh_xml())})
+
+
+def archive(files: Mapping[str, str | bytes], method: int = zipfile.ZIP_DEFLATED) -> bytes:
     stream = BytesIO()
-    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as package:
-        for name, text in (parts or {"3D/3dmodel.model": model_xml(mesh_xml())}).items():
-            package.writestr(name, text)
+    with zipfile.ZipFile(stream, "w", method) as package:
+        for name, content in files.items():
+            package.writestr(name, content)
     return stream.getvalue()
 
 
@@ -175,5 +248,8 @@ SPELLINGS: dict[str, tuple[str, bytes]] = {
     "ply binary of quads": ("ply", ply_binary(QUADS)),
     "glb": ("glb", glb()),
     "gltf": ("gltf", gltf()),
+    "glb 1.0": ("glb", glb1()),
+    "gltf 1.0": ("gltf", gltf1()),
     "3mf": ("3mf", threemf()),
+    "zip": ("zip", archive({"read me.txt": "a box", "parts/box.stl": stl_binary()})),
 }

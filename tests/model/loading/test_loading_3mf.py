@@ -3,6 +3,7 @@
 import re
 
 import loading_builders as build
+import numpy as np
 import pytest
 
 from meshconv3d.model.errors import MalformedFile, MeshError
@@ -146,4 +147,80 @@ def test_models_that_make_no_sense_are_refused(model):
 
 def test_a_zip_that_is_no_3mf():
     with pytest.raises(MalformedFile, match="no 3MF package"):
-        load_mesh(build.threemf({"letter.txt": "hello"}))
+        load_mesh(build.threemf({"letter.txt": "hello"}), "3mf")
+
+
+@pytest.mark.parametrize("target", ["/3D/a b.model", "3D/a b.model", "./3D/./a%20b.model"])
+@pytest.mark.parametrize("name", ["3D/a b.model", "3d/A%20b.model", "/3D\\a b.model"])
+def test_references_are_relative_to_the_package_and_may_be_escaped(target, name):
+    kind = "http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"
+    relation = f'<Relationships><Relationship Target="{target}" Type="{kind}"/></Relationships>'
+    box = build.model_xml(build.mesh_xml())
+    assert build.is_box(load_mesh(build.threemf({"_rels/.rels": relation, name: box})))
+
+
+@pytest.mark.parametrize("path", ["/3D/Objects/b.model", "Objects/b.model", "3D/Objects/b.model"])
+def test_references_of_parts_are_relative_to_their_folder(path):
+    root = build.model_xml("", f'<item objectid="1" p:path="{path}"/>')
+    box = build.model_xml(build.mesh_xml(), "")
+    assert build.is_box(load_mesh(build.threemf({ROOT: root, "3D/Objects/b.model": box})))
+
+
+def volume(first, last, *settings):
+    keys = "".join(
+        f'<metadata type="volume" key="{key}" value="{value}"/>' for key, value in settings
+    )
+    return f'<volume firstid="{first}" lastid="{last}">{keys}</volume>'
+
+
+@pytest.mark.parametrize("name", ["Slic3r_PE_model.config", "SuperSlicer_model.config"])
+@pytest.mark.parametrize(
+    "setting",
+    [
+        ("volume_type", "ParameterModifier"),
+        ("volume_type", "NegativeVolume"),
+        ("volume_type", "SupportBlocker"),
+        ("volume_type", "SupportEnforcer"),
+        ("modifier", "1"),
+    ],
+)
+def test_volumes_that_prusaslicer_does_not_print_are_left_out(name, setting):
+    three = np.concatenate([build.FACES] * 3)
+    part = ("volume_type", "ModelPart"), ("modifier", "0")
+    volumes = volume(0, 11, *part) + volume(12, 23, ("name", "a"), setting) + volume(24, 35)
+    config = f'<config><object id="1">{volumes}</object><object id="7">{volumes}</object></config>'
+    model = build.model_xml(build.mesh_xml(three))
+    package = {ROOT: model, f"Metadata/{name}": config}
+    assert build.is_box(load_mesh(build.threemf(package)), boxes=2)
+    # An old one, which is no XML behind a name with an ampersand.
+    package[f"Metadata/{name}"] = config.replace('<object id="7">', "<a b='&'/>")
+    assert build.is_box(load_mesh(build.threemf(package)), boxes=2)
+
+
+@pytest.mark.parametrize(
+    "subtype", ["modifier_part", "negative_part", "support_enforcer", "support_blocker"]
+)
+def test_parts_that_bambustudio_does_not_print_are_left_out(subtype):
+    path = "/3D/Objects/a.model"
+    other = build.model_xml(build.mesh_xml() + build.mesh_xml(identifier="2"), "")
+    objects = group("8", component("1", path=path), component("2", moved(5), path=path))
+    config = (
+        '<config><object id="8"><metadata key="name" value="a"/><part id="1" '
+        f'subtype="normal_part"/><part id="2" subtype="{subtype}"/></object></config>'
+    )
+    package = {
+        ROOT: build.model_xml(objects, '<item objectid="8"/>'),
+        path[1:]: other,
+        "Metadata/model_settings.config": config,
+    }
+    mesh = load_mesh(build.threemf(package))
+    assert build.is_box(mesh)
+    assert mesh.vertices[:, 0].max() == 1
+
+
+@pytest.mark.parametrize("kind", ["support", "solidsupport"])
+def test_objects_that_are_supports_are_left_out(kind):
+    support = build.mesh_xml(identifier="2").replace("<object ", f'<object type="{kind}" ')
+    items = '<item objectid="1"/><item objectid="2"/>'
+    model = build.model_xml(build.mesh_xml() + support, items)
+    assert build.is_box(load_mesh(build.threemf({ROOT: model})))

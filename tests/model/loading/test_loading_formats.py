@@ -45,7 +45,9 @@ def test_a_path_declares_its_own_name(extension, data, tmp_path):
 
 @SPELLINGS
 def test_a_name_that_contradicts_the_content_is_refused(extension, data):
-    for other in FORMATS.keys() - {extension}:
+    # A 3MF is a ZIP archive, and a damaged one is not told from others.
+    same = {"3mf", "zip"} if extension in ("3mf", "zip") else {extension}
+    for other in FORMATS.keys() - same:
         with pytest.raises(UnknownFormat, match=extension) as caught:
             load_mesh(data, f"box.{other}")
         assert other in str(caught.value)
