@@ -1,7 +1,7 @@
-"""From a trained checkpoint to one self-contained `.onnx` file, and back to what it says.
+"""From a trained checkpoint to one self-contained `.onnx` file.
 
-`graph` is the network as it is exported, `translation` what its operators become in ONNX,
-`onnx_file` writes it, `parity` compares it with torch. `metadata` is what the file says of itself,
-`operators` gives onnxruntime our own ones, `runtime` is onnxruntime as this project loads it. Only
-these three are used at run time: they need neither torch nor onnx.
+`onnx_file` folds and traces the network and writes the file, `translation` maps its operators to
+ONNX, `parity` compares the file with torch, `cli` has the commands. At run time only three modules
+are used, without torch and onnx: `metadata`, the card in a file; `operators`, our operators for
+onnxruntime; `runtime`, sessions.
 """

@@ -1,4 +1,4 @@
-"""`meshconv3d export` and `verify`: from a checkpoint to a model file, and back again."""
+"""`meshconv3d export` and `verify`: write a model file, and compare one with its checkpoint."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,14 +12,14 @@ if TYPE_CHECKING:
 
 FILE = click.Path(dir_okay=False, path_type=Path)
 EXISTING_FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
-MESHES_HELP = "Compare on these meshes too, beside the samples."
+MESHES_HELP = "Also compare on this mesh, beside the samples."
 
 
 @click.command()
 @click.argument("checkpoint", type=EXISTING_FILE)
 @click.option("-o", "--output", type=FILE, required=True, help="The .onnx file to write.")
 @click.option("--name", help="The model's name. [default: that of the file]")
-@click.option("--card", type=EXISTING_FILE, help="Markdown that tells people of the model.")
+@click.option("--card", type=EXISTING_FILE, help="Markdown that describes the model.")
 @click.option("--mesh", "meshes", type=EXISTING_FILE, multiple=True, help=MESHES_HELP)
 def export(
     checkpoint: Path,
@@ -54,10 +54,15 @@ def export(
 
 @click.command()
 @click.argument("model", type=EXISTING_FILE)
-@click.option("--checkpoint", type=EXISTING_FILE, required=True, help="What it was made from.")
+@click.option(
+    "--checkpoint",
+    type=EXISTING_FILE,
+    required=True,
+    help="Its checkpoint.",
+)
 @click.option("--mesh", "meshes", type=EXISTING_FILE, multiple=True, help=MESHES_HELP)
 def verify(model: Path, checkpoint: Path, meshes: tuple[Path, ...]) -> None:
-    """Check that MODEL computes what its checkpoint does; exits with 1 if not."""
+    """Check that MODEL and its card agree with the checkpoint; exits with 1 if not."""
     import onnx
 
     from meshconv3d.export.metadata import ModelFileError, read_card
@@ -72,16 +77,18 @@ def verify(model: Path, checkpoint: Path, meshes: tuple[Path, ...]) -> None:
         card = read_card({entry.key: entry.value for entry in properties})
     except (ParityError, ModelFileError) as error:
         raise click.ClickException(f"{model}: {error}") from None
-    if card.config != loaded.network.config:
-        raise click.ClickException(
-            f"{model}: its card describes another network: {card.config}, "
-            f"the checkpoint's is {loaded.network.config}"
-        )
-    if card.calibration != loaded.calibration:
-        raise click.ClickException(
-            f"{model}: its scores are read by {card.calibration}, "
-            f"the checkpoint's by {loaded.calibration}"
-        )
+    training = dict(loaded.training)
+    expected = {
+        "accuracy": training.pop("accuracy", {}),
+        "training": training,
+        "calibration": loaded.calibration,
+        "config": loaded.network.config,
+    }
+    for name, value in expected.items():
+        if getattr(card, name) != value:
+            raise click.ClickException(
+                f"{model}: {name} on its card is {getattr(card, name)}, in the checkpoint {value}"
+            )
     _verify_probe(model, card.probe, loaded, inputs)
     click.echo(f"{model} agrees with {checkpoint}: {_parity(parity)}")
 
@@ -89,18 +96,18 @@ def verify(model: Path, checkpoint: Path, meshes: tuple[Path, ...]) -> None:
 def _verify_probe(
     model: Path, found: "Probe", checkpoint: "Checkpoint", inputs: "dict[str, MeshInputs]"
 ) -> None:
-    """That whoever opens the model tests it by the scores of the checkpoint."""
+    """Compare the card's probe with the checkpoint's scores."""
     import numpy as np
 
     from meshconv3d.export.onnx_file import probe
     from meshconv3d.export.parity import TOLERANCE
 
     if found.sample not in inputs:
-        raise click.ClickException(f"{model}: it is tested on {found.sample!r}, which is no sample")
+        raise click.ClickException(f"{model}: its probe is {found.sample!r}, which is no sample")
     expected = probe(checkpoint.network, found.sample, inputs[found.sample]).scores
     if not np.allclose(found.scores, expected, rtol=TOLERANCE, atol=TOLERANCE):
         raise click.ClickException(
-            f"{model}: it is tested by the scores {found.scores} for {found.sample}, "
+            f"{model}: its probe has the scores {found.scores} for {found.sample}, "
             f"the checkpoint gives {expected}"
         )
 
@@ -115,7 +122,7 @@ def _load(path: Path) -> "Checkpoint":
 
 
 def _inputs(checkpoint: "Checkpoint", extra: tuple[Path, ...]) -> "dict[str, MeshInputs]":
-    """Samples and further meshes, by name, as the checkpoint's network takes them."""
+    """The network's inputs for the samples and further meshes, by name."""
     from meshconv3d.model.errors import MeshError
     from meshconv3d.model.loading import load_mesh
     from meshconv3d.model.preparation import prepare

@@ -1,6 +1,6 @@
-"""What a model file says of itself: its card, as JSON values under one prefix.
+"""The card of a model file: its metadata, as JSON values under one prefix.
 
-A runtime needs the file and nothing else. Reading the card needs neither torch nor onnx.
+Reading it needs neither torch nor onnx.
 """
 
 import json
@@ -35,13 +35,13 @@ class Probe:
 
 @dataclass(frozen=True, config=ConfigDict(extra="forbid"))
 class ModelCard:
-    """Everything in a model file that is not the graph.
+    """Everything in a model file except the graph.
 
     config: the network, its topology and its classes. opset: of the graph. training: data,
     protocol and seed. accuracy: figures with their protocol. parity: largest relative difference
-    to torch of each output, and on what. calibration: None if it was trained without validation
-    meshes. probe: by which whoever runs the model can test it. about: what people should know
-    of it, in Markdown.
+    to torch of each output, and what it was measured on. calibration: None if it was trained
+    without validation meshes. probe: for the self test of a runtime. about: a description in
+    Markdown.
     """
 
     name: str
@@ -63,11 +63,11 @@ class ModelCard:
 
     @property
     def preparation(self) -> dict[str, Any]:
-        """What a mesh must go through before the topology stage."""
+        """How a mesh is prepared before the topology stage."""
         return {"face_budget": self.config.face_budget, "normalisation": NORMALISATION}
 
     def to_dict(self) -> dict[str, Any]:
-        """The card as plain values, for people and programs."""
+        """The card as JSON values."""
         return TypeAdapter(ModelCard).dump_python(self, mode="json") | {
             "preparation": self.preparation
         }

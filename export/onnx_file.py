@@ -1,21 +1,25 @@
 """Write a checkpoint as one ONNX file that carries its own card."""
 
+import copy
 import logging
 import warnings
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
 
 import onnx
 import torch
+from torch import nn
 from torch.export import Dim
+from torch.nn.utils.fusion import fuse_linear_bn_eval
 
-from meshconv3d.export.graph import fold_batch_norm
 from meshconv3d.export.metadata import ModelCard, Probe
 from meshconv3d.export.parity import OUTPUTS, check_parity
 from meshconv3d.export.translation import TRANSLATIONS
 from meshconv3d.model.config import NetworkConfig
 from meshconv3d.model.files import write_whole
 from meshconv3d.model.nn.checkpoint import Checkpoint
+from meshconv3d.model.nn.layers import Descriptor, PatchConvolution
 from meshconv3d.model.nn.network import Network, as_tensors
 from meshconv3d.model.topology.inputs import MeshInputs, collate, input_names
 
@@ -29,9 +33,9 @@ def export_model(
     meshes: Mapping[str, MeshInputs],
     about: str = "",
 ) -> ModelCard:
-    """Export to `path` and return the card; the file appears only once it has proved itself.
+    """Export to `path` and return the card; the file is written if it passes the parity check.
 
-    meshes: at least two, by name, the first a sample, whose scores go into the card. The graph
+    meshes: at least two, by name; the first is a sample, whose scores go into the card. The graph
     is traced on them and compared with torch on each, alone and in one batch. about: Markdown for
     the card. Raises ParityError, leaving no file.
     """
@@ -54,7 +58,7 @@ def export_model(
 
 
 def probe(network: Network, sample: str, inputs: MeshInputs) -> Probe:
-    """A sample mesh with its scores, by which a runtime can test itself."""
+    """A sample mesh with its scores, for the self test of a runtime."""
     with torch.inference_mode():
         scores = network.eval()(*as_tensors(collate([inputs]))).scores
     return Probe(sample, tuple(round(score, 5) for score in scores[0].tolist()))
@@ -63,8 +67,8 @@ def probe(network: Network, sample: str, inputs: MeshInputs) -> Probe:
 def trace_graph(network: Network, meshes: Sequence[MeshInputs]) -> onnx.ModelProto:
     """The folded network as an ONNX graph with symbolic face, batch and pooling-width axes."""
     with warnings.catch_warnings():
-        # The exporter warns of matters of its own (deprecations, opset conversions); parity
-        # decides whether the file is right.
+        # The exporter warns of deprecations and opset conversions; the parity check decides whether
+        # the file is right.
         warnings.simplefilter("ignore")
         for name in ("torch.onnx", "torch.fx"):
             logging.getLogger(name).setLevel(logging.ERROR)
@@ -81,15 +85,30 @@ def trace_graph(network: Network, meshes: Sequence[MeshInputs]) -> onnx.ModelPro
         )
     assert program is not None
     graph = program.model_proto
-    # Traces of where the code lay on the exporting machine are of no use to anyone else.
+    # Paths of the exporting machine.
     for node in graph.graph.node:
         node.ClearField("metadata_props")
         node.ClearField("doc_string")
     return graph
 
 
+def fold_batch_norm(network: Network) -> Network:
+    """A copy in evaluation mode whose linear layers contain the BatchNorm that follows them."""
+    folded = copy.deepcopy(network).eval().requires_grad_(False)
+    for module in folded.modules():
+        if isinstance(module, PatchConvolution):
+            module.linear = fuse_linear_bn_eval(module.linear, module.norm)
+            module.norm = nn.Identity()  # type: ignore[assignment]
+        elif isinstance(module, Descriptor):
+            for i, (linear, norm) in enumerate(pairwise(module)):
+                if isinstance(linear, nn.Linear) and isinstance(norm, nn.BatchNorm1d):
+                    module[i] = fuse_linear_bn_eval(linear, norm)
+                    module[i + 1] = nn.Identity()
+    return folded
+
+
 def _dynamic_shapes(config: NetworkConfig) -> tuple:
-    """Symbolic axes of each input; K is the network's own and stays fixed."""
+    """Symbolic axes of each input; K is fixed."""
     if config.pooling == "learned":
         count = Dim("faces_0")
         return {0: count}, ({0: 3 * count}, {0: 3 * count}, {0: Dim("batch_and_end")})

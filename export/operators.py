@@ -1,9 +1,9 @@
-"""The operators of a graph with learned pooling, and our kernels for them under onnxruntime.
+"""Our operators under onnxruntime, for graphs with learned pooling.
 
-Such a graph asks between its layers which faces to gather. It does so by two operators, GrowPatches
-and PoolFaces, whose inputs, outputs and attributes are those of `model.topology.batch`. That
-package has the kernels; onnxruntime-extensions lets onnxruntime call them. Another runtime can
-supply its own. The extension is loaded only for a file that needs it.
+Such a graph calls the topology stage between its layers by two operators, GrowPatches and
+PoolFaces, with the inputs, outputs and attributes of `model.topology.batch`. Its functions are
+the kernels here, called through onnxruntime-extensions; another runtime can supply its own. The
+extension is loaded only for a file that needs it.
 """
 
 import functools
@@ -23,7 +23,7 @@ def operator_library() -> str:
 
 @functools.cache
 def _extension() -> ModuleType:
-    """onnxruntime-extensions, with our kernels declared to it: once in a process."""
+    """onnxruntime-extensions, with our kernels registered once in a process."""
     try:
         import onnxruntime_extensions as extension
     except ImportError:

@@ -1,4 +1,4 @@
-"""Does a model file compute what the network computes? On real meshes, alone and together."""
+"""Comparison of a model file with its network on real meshes, alone and in a ragged batch."""
 
 from collections.abc import Sequence
 
@@ -59,7 +59,7 @@ def check_parity(
 
 
 def _open(model: bytes, network: Network) -> ort.InferenceSession:
-    """The file, which must take and give by name what the network does. Raises ParityError."""
+    """A session on the file; its inputs and outputs must have the names of the network's."""
     try:
         session = open_session(model)
     except ModelFileError as error:
@@ -75,7 +75,7 @@ def _open(model: bytes, network: Network) -> ort.InferenceSession:
 
 
 def relative_difference(ours: np.ndarray, theirs: np.ndarray, scale: float) -> float:
-    """Largest absolute difference in shares of `scale`; infinite across shapes."""
+    """Largest absolute difference over `scale`; infinite if the shapes differ."""
     if ours.shape != theirs.shape:
         return float("inf")
     return float(np.abs(ours - theirs).max() / max(scale, 1e-12))

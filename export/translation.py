@@ -1,13 +1,18 @@
-"""How torch's exporter writes the operators of `model.nn.operators` into an ONNX graph."""
+"""Translation of the operators of `model.nn.levels` for torch's ONNX exporter.
+
+The exporter runs no kernel: it needs the shapes of their results, and the ONNX operators that
+replace them.
+"""
 
 from collections.abc import Callable, Sequence
 
 import torch
 from onnx.defs import OpSchema
 from onnxscript.values import Op, Opset
+from torch import Tensor
 
-import meshconv3d.model.nn.operators  # noqa: F401 (defines torch.ops.meshconv3d)
 from meshconv3d.export.operators import DOMAIN, VERSION
+from meshconv3d.model.nn.levels import grow_patches, pool_faces
 
 REAL, WHOLE, PRECISE = "tensor(float)", "tensor(int32)", "tensor(double)"
 
@@ -35,7 +40,33 @@ _POOL_FACES = _operator(
 )
 
 
-# The exporter learns from these signatures which arguments are attributes.
+@grow_patches.register_fake
+def _(twin: Tensor, lengths: Tensor, patch_size: int) -> Tensor:
+    return twin.new_empty(twin.shape[0] // 3, patch_size)
+
+
+@pool_faces.register_fake
+def _(
+    features: Tensor,
+    twin: Tensor,
+    lengths: Tensor,
+    starts: Tensor,
+    target: int,
+    squared_norm: int,
+    literal: int,
+) -> tuple[Tensor, Tensor, Tensor, Tensor, Tensor]:
+    context = torch.library.get_ctx()
+    faces, width = context.new_dynamic_size(min=1), context.new_dynamic_size(min=1)
+    return (
+        twin.new_empty(faces, width),
+        features.new_empty(faces, width),
+        twin.new_empty(3 * faces),
+        lengths.new_empty(3 * faces),
+        torch.empty_like(starts),
+    )
+
+
+# The types in these signatures tell the exporter which arguments are attributes.
 
 
 def _grow_patches(twin, lengths, patch_size: int):

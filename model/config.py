@@ -66,7 +66,7 @@ class NetworkConfig:
     needs learned pooling."""
     readout: Literal["mean", "mean-peak"] = "mean"
     """What is classified of the last level's features: their mean over the faces, or beside it one
-    near the greatest of each channel, see `spread_peaks`."""
+    near the greatest of each channel, see `weight_peaks`."""
     dropout: Annotated[float, Field(ge=0, lt=1)] = 0.0
     """Share of what is classified that training leaves out at random."""
 

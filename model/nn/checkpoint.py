@@ -28,7 +28,7 @@ class CheckpointError(ValueError):
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """A network with what is known of its training: data, protocol, accuracy, seeds.
+    """A network, its calibration, and the record of its training: data, protocol, accuracy.
 
     calibration: None if it was trained without validation meshes.
     """
@@ -39,7 +39,7 @@ class Checkpoint:
 
 
 def save_checkpoint(checkpoint: Checkpoint, path: Path) -> None:
-    """Write atomically: a kill leaves the old file or the new one."""
+    """Write atomically, see `write_whole`. Raises OSError."""
     metadata = {
         "format_version": str(FORMAT_VERSION),
         "config": checkpoint.network.config.to_json(),

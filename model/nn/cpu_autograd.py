@@ -1,10 +1,10 @@
 """The two gathers of the network with their gradients, for training on a CPU.
 
-Written with torch's own operations, a patch is a tensor of N x K x C, of which each step of the
-arithmetic makes another, to be kept for the gradient. Here compiled loops gather a block of faces
-at a time, small enough for the cache, multiply it, and forget it; the gradient gathers it once
-more. `model.nn.layers` has the same arithmetic as operations, for the exported graph and for other
-devices; both give the same values and gradients.
+In torch operations a patch is a tensor of N x K x C, and every step of the arithmetic keeps another
+one for the gradient. These compiled loops gather a block of faces that fits the cache, multiply it
+and discard it; the gradient gathers it again. That halves a training step and its memory.
+`model.nn.layers` has the same arithmetic in torch operations, for the exported graph and for other
+devices, with the same values and gradients.
 """
 
 from collections.abc import Iterator
@@ -17,7 +17,7 @@ from torch.autograd.function import once_differentiable
 
 from meshconv3d.model.jit import kernel
 
-# Faces whose patches are gathered and multiplied at a time: 3 MB of 3 x 256 channels.
+# Faces in a block: 3 MB for 3 x 256 channels.
 BLOCK = 1024
 
 
@@ -58,7 +58,7 @@ class PatchLinear(torch.autograd.Function):
 
 
 def _blocks(table: Tensor, index: Tensor, summed: bool) -> Iterator[tuple[int, Tensor]]:
-    """The first face and the patch statistics of each block, in memory that they share."""
+    """The first face and the patch statistics of each block; all blocks share one buffer."""
     rows, channels = table.shape
     statistics = table.new_empty(min(BLOCK, rows), 3 * channels)
     for first in range(0, rows, BLOCK):
@@ -87,7 +87,7 @@ class GatherMean(torch.autograd.Function):
 
 @kernel
 def _share(index: NDArray[np.int32]) -> float:
-    """One over the faces that a row of an index names, at least one."""
+    """1 / number of faces in a row of an index; 1 for an empty row."""
     present = 0
     for entry in index:
         present += entry > 0
@@ -98,7 +98,7 @@ def _share(index: NDArray[np.int32]) -> float:
 def _gather_patches(
     table: NDArray, neighbours: NDArray[np.int32], first: int, summed: bool, out: NDArray
 ) -> None:
-    """Write the statistics (rows x 3 C) of as many faces as `out` has rows, from `first`."""
+    """Write the statistics of the faces from `first` on into `out`, rows x 3 C."""
     channels = table.shape[1]
     for row in range(len(out)):
         f = first + row
@@ -128,7 +128,7 @@ def _spread_patches(
     summed: bool,
     out: NDArray,
 ) -> None:
-    """Add to `out` (N x C) what the gradient (rows x 3 C) of the faces from `first` gives it."""
+    """Add to `out`, N x C, the gradient (rows x 3 C) of the faces from `first` on."""
     channels = table.shape[1]
     by_difference = np.empty(channels, table.dtype)
     by_total = np.empty(channels, table.dtype)
@@ -144,7 +144,7 @@ def _spread_patches(
             if entry > 0:
                 other, spread_other = table[entry - 1], out[entry - 1]
                 for c in range(channels):
-                    # The derivative of |x| is its sign: zero at zero, as torch has it.
+                    # The derivative of |x| is its sign, 0 at 0 as in torch.
                     difference = other[c] - own[c]
                     towards = by_difference[c] * ((difference > 0) - (difference < 0))
                     spread_other[c] += by_total[c] + towards

@@ -1,23 +1,23 @@
-"""The learned parts of MeshConv3D (paper, section III). Letters: see `model`."""
+"""The layers of MeshConv3D (paper, section III). Letters: see `model`."""
 
 import torch
 from torch import Tensor, nn
 
 from meshconv3d.model.nn.cpu_autograd import GatherMean, PatchLinear
 
-# Added to the mean weight of a channel that no face of a mesh has anything in.
+# Added to the mean weight of a channel that is zero on all faces of a mesh.
 LEAST_WEIGHT = 1e-6
 
 
-def is_fused(features: Tensor) -> bool:
-    """Whether to gather by compiled loops: in training on a CPU. A graph has operations only."""
+def uses_cpu_autograd(features: Tensor) -> bool:
+    """Whether `model.nn.cpu_autograd` gathers: in training on a CPU, never in an exported graph."""
     return features.requires_grad and features.device.type == "cpu"
 
 
 def gather_rows(features: Tensor, index: Tensor) -> Tensor:
     """Rows of a feature table by face + 1; 0, the null face, reads zeros.
 
-    features: N x C. index: M x W. Returns M x W x C. The one place that knows the null row.
+    N x C, M x W -> M x W x C.
     """
     table = torch.cat([features.new_zeros(1, features.shape[1]), features])
     rows = table.index_select(0, index.reshape(-1))
@@ -25,45 +25,33 @@ def gather_rows(features: Tensor, index: Tensor) -> Tensor:
 
 
 def count_present(index: Tensor, features: Tensor) -> Tensor:
-    """How many entries of each row of an index (M x W) are faces: M x 1, of the features' type."""
+    """Number of faces in each row of an index (M x W): M x 1, of the features' type."""
     return (index > 0).to(features.dtype).sum(dim=1, keepdim=True)
 
 
-def shares(present: Tensor) -> Tensor:
-    """What each of so many faces is of their mean; of none, one."""
+def reciprocal(present: Tensor) -> Tensor:
+    """1 / count; 1 for empty rows."""
     return 1 / present.clamp(min=1)
 
 
 def gather_mean(features: Tensor, index: Tensor) -> Tensor:
-    """Mean over the faces that each row of the index names. N x C, M x W -> M x C."""
-    if is_fused(features):
+    """Mean over the faces in each row of the index: N x C, M x W -> M x C."""
+    if uses_cpu_autograd(features):
         return GatherMean.apply(features, index)
-    share = shares(count_present(index, features))
+    share = reciprocal(count_present(index, features))
     return gather_rows(features, index).sum(dim=1) * share
 
 
-def mesh_mean(features: Tensor, index: Tensor) -> Tensor:
-    """`gather_mean` over few rows of many faces: N x C, B x R -> B x C.
+def weight_peaks(features: Tensor, index: Tensor) -> Tensor:
+    """Features weighted by their own third power, so that their mean is close to their maximum.
 
-    A product, which onnxruntime has ready sooner than a sum over so long an axis.
-    """
-    if is_fused(features):
-        return gather_mean(features, index)
-    # The null face reads zeros: its share does no harm.
-    weights = shares(count_present(index, features))[:, None].expand(-1, 1, index.shape[1])
-    return (weights @ gather_rows(features, index)).squeeze(1)
-
-
-def spread_peaks(features: Tensor, index: Tensor) -> Tensor:
-    """Features weighed by their own third power, so that their mean is close to their maximum.
-
-    That mean is the Lehmer mean of order 4 of each channel: unlike a maximum it is a sum over
-    faces, and faces that are alike share it. features: N x C, none below zero. index: B x R, the
-    faces of each mesh. Returns N x C.
+    The mean of the result is the Lehmer mean of order 4 of each channel. Unlike a maximum it is a
+    sum over faces, and equal faces have equal shares. features: N x C, not negative. index: B x R,
+    the faces of each mesh. Returns N x C.
     """
     weights = features**3
-    means = mesh_mean(weights, index) + LEAST_WEIGHT  # B x C
-    # Which mesh a face is of, by face + 1; whatever the null face gets, nobody reads.
+    means = gather_mean(weights, index) + LEAST_WEIGHT  # B x C
+    # The mesh of each face, by face + 1; the value of the null face is not read.
     owners = index.new_zeros(features.shape[0] + 1, dtype=torch.int64)
     meshes = torch.arange(index.shape[0], device=index.device)[:, None].expand(index.shape)
     owners = owners.scatter(0, index.long().reshape(-1), meshes.reshape(-1))
@@ -71,7 +59,7 @@ def spread_peaks(features: Tensor, index: Tensor) -> Tensor:
 
 
 class Descriptor(nn.Sequential):
-    """Two linear layers over what is listed of a face (equations 1 and 2). N x E -> N x C.
+    """Two linear layers over the terms of a face (equations 1 and 2): N x E -> N x C.
 
     The weights alpha, beta of the paper are matrices 3 -> C, one for each term, which together
     are one matrix over all terms.
@@ -91,11 +79,11 @@ class Descriptor(nn.Sequential):
 class PatchConvolution(nn.Module):
     """Equation 4 with BatchNorm and ReLU: N x C_in, N x K -> N x C_out.
 
-    Centre, mean over the patch, and mean absolute difference over the patch; a matrix each,
-    stacked into one. Where not `summed` as in the paper, sums are means over the faces that are
-    there: for a full patch a constant that BatchNorm absorbs, and a short patch (a component of
-    fewer than K faces) keeps its scale. A missing face adds nothing to either. The centre itself
-    is left out of the patch: its share is in the first matrix already.
+    One matrix over centre, mean over the patch, and mean absolute difference over the patch. With
+    `summed`, as in the paper, sums instead of means. Over full patches they differ by a constant
+    that BatchNorm absorbs; a mean keeps its scale over the short patches of components with fewer
+    than K faces. A missing face adds nothing. The centre is not part of its own patch: the first
+    third of the matrix has its share.
     """
 
     def __init__(self, channels_in: int, channels_out: int, summed: bool = False) -> None:
@@ -106,7 +94,7 @@ class PatchConvolution(nn.Module):
 
     def forward(self, features: Tensor, patches: Tensor) -> Tensor:
         neighbours = patches[:, 1:]
-        if is_fused(features):
+        if uses_cpu_autograd(features):
             mixed = PatchLinear.apply(features, neighbours, self.linear.weight, self.summed)
         else:
             mixed = self.linear(patch_statistics(features, neighbours, self.summed))
@@ -114,15 +102,15 @@ class PatchConvolution(nn.Module):
 
 
 def patch_statistics(features: Tensor, neighbours: Tensor, summed: bool = False) -> Tensor:
-    """(centre, mean, mean absolute difference): N x C, N x (K - 1) -> N x 3 C; or sums."""
+    """(centre, mean, mean absolute difference), or sums: N x C, N x (K - 1) -> N x 3 C."""
     if neighbours.shape[1] == 0:  # K = 1
         return torch.cat([features, torch.zeros_like(features), torch.zeros_like(features)], dim=1)
     rows = gather_rows(features, neighbours)  # N x (K - 1) x C
     differences = (rows - features[:, None]).abs().sum(dim=1)
-    # A null row reads zeros, so that each missing face has added |centre|: take that off again.
+    # A missing face reads zeros and has added |centre|: subtract that.
     present = count_present(neighbours, features)
     differences = differences - (neighbours.shape[1] - present) * features.abs()
     if summed:
         return torch.cat([features, rows.sum(dim=1), differences], dim=1)
-    share = shares(present)
+    share = reciprocal(present)
     return torch.cat([features, rows.sum(dim=1) * share, differences * share], dim=1)

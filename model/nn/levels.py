@@ -1,7 +1,8 @@
-"""What the network asks of each pooling level, and the two ways to know it.
+"""Pooling levels of the network: patches, pooling and readout of each.
 
-Under geometric pooling the indices of all levels are inputs. Under learned pooling they come
-from the features that enter each pooling (paper, equation 5), by way of `model.nn.operators`.
+Under geometric pooling the indices of all levels are inputs. Under learned pooling they follow
+from the features that enter each pooling (paper, equation 5): the topology stage is then called
+between the layers, as torch operators `meshconv3d::grow_patches` and `meshconv3d::pool_faces`.
 """
 
 from collections.abc import Sequence
@@ -13,7 +14,7 @@ from torch import Tensor
 
 from meshconv3d.model.config import NetworkConfig
 from meshconv3d.model.nn.layers import gather_mean, gather_rows
-from meshconv3d.model.nn.operators import grow_patches, pool_faces
+from meshconv3d.model.topology import batch as kernels
 
 
 class Level(Protocol):
@@ -33,17 +34,17 @@ class Level(Protocol):
 
 
 def first_level(config: NetworkConfig, inputs: Sequence[Tensor]) -> Level:
-    """Level 0 from the network's inputs after the terms, as `input_names` orders them."""
+    """Level 0 from the network's inputs after the terms, in the order of `input_names`."""
     if config.pooling == "learned":
         twin, lengths, starts = inputs
-        return GrownLevel(config, 0, twin, lengths, starts)
+        return LearnedLevel(config, 0, twin, lengths, starts)
     count = config.levels
-    return GivenLevel(inputs[:count], inputs[count:-1], inputs[-1])
+    return GeometricLevel(inputs[:count], inputs[count:-1], inputs[-1])
 
 
 @dataclass(frozen=True)
-class GivenLevel:
-    """A level whose indices, and those of the levels after it, were known beforehand."""
+class GeometricLevel:
+    """A level whose indices, and those of all later levels, are inputs."""
 
     later_patches: Sequence[Tensor]
     later_pools: Sequence[Tensor]
@@ -52,8 +53,8 @@ class GivenLevel:
     def patches(self) -> Tensor:
         return self.later_patches[0]
 
-    def pool(self, features: Tensor) -> tuple[Tensor, "GivenLevel"]:
-        rest = GivenLevel(self.later_patches[1:], self.later_pools[1:], self.last_readout)
+    def pool(self, features: Tensor) -> tuple[Tensor, "GeometricLevel"]:
+        rest = GeometricLevel(self.later_patches[1:], self.later_pools[1:], self.last_readout)
         return gather_mean(features, self.later_pools[0]), rest
 
     def readout(self) -> Tensor:
@@ -61,8 +62,8 @@ class GivenLevel:
 
 
 @dataclass(frozen=True)
-class GrownLevel:
-    """A level whose indices follow from its surface and from the features.
+class LearnedLevel:
+    """A level whose indices follow from its surface and the features.
 
     twin, 3 N int32; lengths, 3 N float64; starts, B + 1 int32: a `SurfaceBatch`.
     """
@@ -76,9 +77,9 @@ class GrownLevel:
     def patches(self) -> Tensor:
         return grow_patches(self.twin, self.lengths, self.config.patch_size)
 
-    def pool(self, features: Tensor) -> tuple[Tensor, "GrownLevel"]:
+    def pool(self, features: Tensor) -> tuple[Tensor, "LearnedLevel"]:
         options = self.config.topology_options
-        # Which faces collapse is a choice, and has no gradient; what they gather has one.
+        # The choice of the collapsed faces has no gradient; the mean that replaces them has one.
         index, shares, twin, lengths, starts = pool_faces(
             features.detach(),
             self.twin,
@@ -95,6 +96,37 @@ class GrownLevel:
     def readout(self) -> Tensor:
         first, counts = self.starts[:-1, None], self.starts.diff()[:, None]
         longest = counts.max().item()
-        torch._check(longest >= 0)  # which the exporter cannot see
+        torch._check(longest >= 0)  # the exporter cannot infer it
         column = torch.arange(longest, dtype=torch.int32, device=counts.device)[None]
         return torch.where(column < counts, first + column + 1, 0)
+
+
+@torch.library.custom_op("meshconv3d::grow_patches", mutates_args=())
+def grow_patches(twin: Tensor, lengths: Tensor, patch_size: int) -> Tensor:
+    """`model.topology.batch.grow_patches` on tensors."""
+    patches = kernels.grow_patches(twin.cpu().numpy(), lengths.cpu().numpy(), patch_size=patch_size)
+    return torch.from_numpy(patches).to(twin.device)
+
+
+@torch.library.custom_op("meshconv3d::pool_faces", mutates_args=())
+def pool_faces(
+    features: Tensor,
+    twin: Tensor,
+    lengths: Tensor,
+    starts: Tensor,
+    target: int,
+    squared_norm: int,
+    literal: int,
+) -> tuple[Tensor, Tensor, Tensor, Tensor, Tensor]:
+    """`model.topology.batch.pool_faces` on tensors."""
+    pooled = kernels.pool_faces(
+        features.contiguous().cpu().numpy(),
+        twin.cpu().numpy(),
+        lengths.cpu().numpy(),
+        starts.cpu().numpy(),
+        target=target,
+        squared_norm=squared_norm,
+        literal=literal,
+    )
+    index, shares, twin, lengths, starts = (torch.from_numpy(a).to(features.device) for a in pooled)
+    return index, shares, twin, lengths, starts

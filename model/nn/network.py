@@ -9,12 +9,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from meshconv3d.model.config import NetworkConfig
-from meshconv3d.model.nn.layers import (
-    Descriptor,
-    PatchConvolution,
-    mesh_mean,
-    spread_peaks,
-)
+from meshconv3d.model.nn.layers import Descriptor, PatchConvolution, gather_mean, weight_peaks
 from meshconv3d.model.nn.levels import first_level
 from meshconv3d.model.nn.out_of_distribution import Novelty
 from meshconv3d.model.topology.descriptors import GEODESIC_TERMS, GEOMETRIC_TERMS
@@ -22,11 +17,11 @@ from meshconv3d.model.topology.integral_invariants import MEASURES
 
 
 class Outputs(NamedTuple):
-    """What the network says of a batch.
+    """Outputs of the network for a batch.
 
-    scores: B x N_c, logits. evidence: N_L x N_c, what each face of the last level says: a mesh's
-    scores are the bias plus the mean of its evidence. novelty: B, see
-    `model.nn.out_of_distribution`.
+    scores: B x N_c, logits. evidence: N_L x N_c, the share of each face of the last level: a
+    mesh's scores are the bias plus the mean of its evidence. novelty: B, the out-of-distribution
+    score, see `model.nn.out_of_distribution`.
     """
 
     scores: Tensor
@@ -37,8 +32,8 @@ class Outputs(NamedTuple):
 class Network(nn.Module):
     """The classifier of the paper's section IV, over a ragged batch of meshes.
 
-    Inputs are those of `model.topology.inputs.collate`, as tensors, in the order of `input_names`:
-    terms, N_0 x E, then what the levels are made of.
+    Inputs are the arrays of `model.topology.inputs.collate` as tensors, in the order of
+    `input_names`: terms, N_0 x E, then the indices or surfaces that the levels need.
     """
 
     def __init__(self, config: NetworkConfig) -> None:
@@ -66,9 +61,9 @@ class Network(nn.Module):
         self.novelty = Novelty(width, len(config.classes))
 
     def take_features(self, other: "Network") -> None:
-        """Begin with another network's weights, all but those that tell its classes apart.
+        """Copy the weights of another network, except those that depend on the classes.
 
-        Both are of one configuration, but for the classes.
+        Both have the same configuration, except for the classes.
         """
         state = other.state_dict()
         kept = {
@@ -82,7 +77,7 @@ class Network(nn.Module):
         return Outputs(self.classify(self.dropout(pooled)), evidence, self.novelty(pooled))
 
     def features(self, terms: Tensor, *topology: Tensor) -> tuple[Tensor, Tensor]:
-        """What is classified of the last level's faces, N_L x C, and its means by mesh, B x C."""
+        """The features that are classified, N_L x C, and their mean over each mesh, B x C."""
         # Equation 3: the descriptors side by side, N_0 x 2 C or 3 C.
         parts = terms.split([descriptor[0].in_features for descriptor in self.descriptors], dim=1)
         features = torch.cat(
@@ -97,8 +92,8 @@ class Network(nn.Module):
             features, level = level.pool(features)  # N_(l+1) x C
         readout = level.readout()
         if self.config.readout == "mean-peak":
-            features = torch.cat([features, spread_peaks(features, readout)], dim=1)
-        return features, mesh_mean(features, readout)
+            features = torch.cat([features, weight_peaks(features, readout)], dim=1)
+        return features, gather_mean(features, readout)
 
 
 def as_tensors(

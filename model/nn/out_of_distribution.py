@@ -1,22 +1,23 @@
-"""How unlike everything it was trained on a mesh is, from the features that are classified.
+"""Out-of-distribution score: the distance of a mesh's features from those of training meshes.
 
-A softmax is sure of anything far away; distance in feature space is not. The measure is the
-relative Mahalanobis distance of Ren et al., *A Simple Fix to Mahalanobis Distance for Improving
-Near-OOD Detection* (2021): to the nearest class, less the distance to all classes as one.
-`benchmarks.unknown` compares it with others.
+A softmax is certain of any point far from all classes; a distance in feature space is not. The
+score is the relative Mahalanobis distance of Ren et al., *A Simple Fix to Mahalanobis Distance for
+Improving Near-OOD Detection* (2021): the distance to the nearest class minus the distance to all
+classes as one. `benchmarks.unknown` compares it with other scores.
 """
 
 import torch
 from torch import Tensor, nn
 
-# Of each covariance, in shares of its mean eigenvalue: there are more directions than meshes fill.
+# Added to the diagonal of each covariance, as a share of its mean eigenvalue: there are more
+# channels than independent meshes.
 SHRINKAGE = 0.1
 
 
 class Novelty(nn.Module):
-    """Relative Mahalanobis distance: pooled features, B x C -> B.
+    """Relative Mahalanobis distance of pooled features: B x C -> B.
 
-    Its numbers are measured after training, by `fit`, not learned. Before, it is zero.
+    `fit` measures its parameters after training; before that, it is zero.
     """
 
     centre: Tensor
@@ -27,7 +28,7 @@ class Novelty(nn.Module):
     def __init__(self, channels: int, classes: int) -> None:
         super().__init__()
         self.register_buffer("centre", torch.zeros(channels))
-        # What makes features round: as they scatter within their classes, and altogether.
+        # Whitening matrices: within-class and total covariance.
         self.register_buffer("within", torch.zeros(channels, channels))
         self.register_buffer("overall", torch.zeros(channels, channels))
         self.register_buffer("means", torch.zeros(classes, channels))
@@ -39,7 +40,7 @@ class Novelty(nn.Module):
         return nearest - (offset @ self.overall).square().sum(dim=1)
 
     def fit(self, features: Tensor, labels: Tensor) -> None:
-        """Measure classes on the features, M x C, of meshes that the network was trained on."""
+        """Measure means and covariances on the features (M x C) of training meshes."""
         features = features.double()
         self.centre.copy_(features.mean(dim=0))
         offset = features - features.mean(dim=0)
@@ -51,7 +52,7 @@ class Novelty(nn.Module):
 
 
 def _whitening(offset: Tensor) -> Tensor:
-    """The matrix that gives offsets (M x C) unit covariance: C x C, symmetric."""
+    """The symmetric matrix, C x C, that gives offsets (M x C) unit covariance."""
     covariance = offset.T @ offset / len(offset)
     spread = covariance.diagonal().mean().clamp(min=1e-12)
     values, vectors = torch.linalg.eigh(

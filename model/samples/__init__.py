@@ -1,8 +1,8 @@
-"""Sample meshes: articulated things that a network trained on SHREC11 knows, one of each class.
+"""Sample meshes: one articulated thing of each of ten classes of SHREC11.
 
-They are no part of that data set, which may not be passed on: `python -m model.samples.make`
-builds every one from limbs, balls and boxes (`shapes`, on `solids`). Formats and face counts
-differ, so that together they go through every reader and every kind of preparation.
+They are no part of that data set, which may not be passed on: `benchmarks.samples` builds them from
+limbs, balls and boxes. Their formats and face counts differ, so that together they use every reader
+and every kind of preparation.
 """
 
 from pathlib import Path

@@ -3,7 +3,7 @@
 `starts`, B + 1 int32: mesh i has the faces starts[i] to starts[i + 1] - 1 of the batch.
 
 Learned pooling needs the topology between the layers of the network: `grow_patches` and
-`pool_faces` are what torch (`model.nn.operators`) and onnxruntime (`export.operators`) call for
+`pool_faces` are what torch (`model.nn.levels`) and onnxruntime (`export.operators`) call for
 the graph's operators of these names. They take plain arrays, and attributes as whole numbers, as
 ONNX has them, so that another runtime can supply its own.
 """

@@ -95,11 +95,13 @@ def test_verify_fails_on_another_shape(model_file: Path, tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("name", "change", "says"),
     [
-        ("config", {"classes": ["box", "ball", "ring"]}, "its card describes another network"),
-        ("calibration", {"temperature": 19.0}, "its scores are read by"),
-        ("calibration", None, "its scores are read by None"),
-        ("probe", {"scores": [9.0, 9.0, 9.0]}, "it is tested by the scores"),
-        ("probe", {"scores": [math.nan] * 3}, "it is tested by the scores"),
+        ("config", {"classes": ["box", "ball", "ring"]}, "config on its card is"),
+        ("calibration", {"temperature": 19.0}, "calibration on its card is"),
+        ("calibration", None, "calibration on its card is None"),
+        ("probe", {"scores": [9.0, 9.0, 9.0]}, "its probe has the scores"),
+        ("probe", {"scores": [math.nan] * 3}, "its probe has the scores"),
+        ("accuracy", {"test": 1.0}, "accuracy on its card is {'test': 1.0}"),
+        ("training", {"data": {"name": "other"}}, "training on its card is"),
         ("probe", {"sample": "cup"}, "'cup', which is no sample"),
     ],
 )

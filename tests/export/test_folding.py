@@ -4,7 +4,7 @@ import pytest
 import torch
 from torch import nn
 
-from meshconv3d.export.graph import fold_batch_norm
+from meshconv3d.export.onnx_file import fold_batch_norm
 from meshconv3d.model.config import NetworkConfig
 from meshconv3d.model.nn.network import Outputs, as_tensors
 from meshconv3d.model.topology.inputs import collate, mesh_inputs

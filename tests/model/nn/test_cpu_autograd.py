@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from meshconv3d.model.nn.cpu_autograd import GatherMean, PatchLinear
-from meshconv3d.model.nn.layers import gather_mean, is_fused, patch_statistics
+from meshconv3d.model.nn.layers import gather_mean, patch_statistics, uses_cpu_autograd
 
 ROWS, CHANNELS = 12, 5
 
@@ -71,7 +71,7 @@ def test_means_and_their_gradient_are_those_of_the_operations(width):
         features = table(2).requires_grad_()
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(
-                "meshconv3d.model.nn.layers.is_fused", lambda features, fused=fused: fused
+                "meshconv3d.model.nn.layers.uses_cpu_autograd", lambda features, fused=fused: fused
             )
             (gather_mean(features, rows) * towards).sum().backward()
         gradients.append(features.grad)
@@ -87,7 +87,7 @@ def test_equal_features_have_no_gradient_of_their_difference():
     assert features.grad.abs().sum() == 0
 
 
-def test_only_what_is_trained_is_fused():
-    assert is_fused(table(0).requires_grad_())
+def test_only_what_is_trained_uses_cpu_autograd():
+    assert uses_cpu_autograd(table(0).requires_grad_())
     with torch.inference_mode():
-        assert not is_fused(table(0))
+        assert not uses_cpu_autograd(table(0))

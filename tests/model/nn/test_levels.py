@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from meshconv3d.model.config import NetworkConfig
-from meshconv3d.model.nn.levels import GivenLevel, GrownLevel, first_level
+from meshconv3d.model.nn.levels import GeometricLevel, LearnedLevel, first_level
 from meshconv3d.model.nn.network import Network, as_tensors
 from meshconv3d.model.topology import Surface
 from meshconv3d.model.topology.batch import join_indices
@@ -31,10 +31,10 @@ def tensors(config: NetworkConfig) -> tuple[torch.Tensor, ...]:
 
 def test_the_configuration_chooses_the_level() -> None:
     _, *topology = tensors(LEARNED)
-    assert isinstance(first_level(LEARNED, topology), GrownLevel)
+    assert isinstance(first_level(LEARNED, topology), LearnedLevel)
     geometric = NetworkConfig(classes=("a",))
     _, *topology = tensors(geometric)
-    assert isinstance(first_level(geometric, topology), GivenLevel)
+    assert isinstance(first_level(geometric, topology), GeometricLevel)
 
 
 def test_every_level_pools_by_the_features_it_is_given() -> None:

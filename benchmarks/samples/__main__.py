@@ -1,4 +1,4 @@
-"""Build the sample meshes: `python -m model.samples.make [FOLDER]` writes them all.
+"""Build the sample meshes: `python -m benchmarks.samples [FOLDER]` writes them all.
 
 The same code gives the same files. Each shape is meshed far more finely than it is stored, then
 simplified, as models of real things are.
@@ -14,11 +14,12 @@ import igl
 import numpy as np
 import trimesh
 
+import meshconv3d.model.samples
+from benchmarks.samples.shapes import SHAPES
+from benchmarks.samples.solids import surface
 from meshconv3d.model.mesh import Mesh
 from meshconv3d.model.preparation import into_unit_sphere
 from meshconv3d.model.preparation.simplification import decimate
-from meshconv3d.model.samples.shapes import SHAPES
-from meshconv3d.model.samples.solids import surface
 
 
 @dataclass(frozen=True)
@@ -32,6 +33,8 @@ class Recipe:
     faces: int
     even: bool = False
 
+
+SAMPLES = Path(meshconv3d.model.samples.__file__).parent
 
 RECIPES: dict[str, Recipe] = {
     "ants": Recipe("obj", 500),
@@ -129,4 +132,4 @@ def main(folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parent)
+    main(Path(sys.argv[1]) if len(sys.argv) > 1 else SAMPLES)

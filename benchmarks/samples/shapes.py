@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from meshconv3d.model.samples.solids import Solid, ball, box, limb, turn
+from benchmarks.samples.solids import Solid, ball, box, limb, turn
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,1 @@
+"""The generator of the sample meshes in `model/samples`: `python -m benchmarks.samples`."""
