@@ -40,6 +40,15 @@ class Format:
     read: Callable[..., Triangles]
     in_pieces: bool = False
 
+    def to_dict(self) -> dict[str, str | list[str]]:
+        """What is to be told of it."""
+        return {
+            "format": self.title,
+            "extension": self.extension,
+            "media_types": list(self.media_types),
+            "notes": self.notes,
+        }
+
 
 def _no_triangles(*_: object) -> Triangles:
     raise ValueError("an archive has no triangles of its own")
@@ -49,7 +58,7 @@ ARCHIVE = Format(
     "zip",
     "ZIP archive",
     ("application/zip", "application/x-zip-compressed"),
-    "files of the other formats: one, or several in a batch",
+    "one mesh; several in a batch",
     _no_triangles,
 )
 
@@ -58,7 +67,7 @@ FORMATS: dict[str, Format] = {
     for known in (
         Format("obj", "Wavefront OBJ", ("model/obj",), "faces; materials are ignored", read_obj),
         Format(
-            "off", "Object File Format", ("model/off", "model/vnd.off"), "text, of 3D", read_off
+            "off", "Object File Format", ("model/off", "model/vnd.off"), "text, of 3-D", read_off
         ),
         Format(
             "stl",

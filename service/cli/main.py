@@ -23,6 +23,7 @@ COMMANDS = {
     ),
     "evaluate": ("service.cli.evaluate:evaluate", "Measure how good a model is."),
     "serve": ("service.cli.serve:serve", "Answer over HTTP."),
+    "formats": ("service.cli.formats:formats", "List the file formats that are read."),
     "inspect": ("service.cli.inspect:inspect", "Show a model's card."),
     "train": (
         "model.training.cli:train",
