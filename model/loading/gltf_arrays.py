@@ -54,7 +54,7 @@ class Buffers:
         self._contents: dict[int, bytes] = {}
         self._views: dict[int, NDArray[np.uint8]] = {}
         self._meshes: dict[tuple[int, int], DracoMesh] = {}
-        self._decompressed = 0
+        self._unpacked_bytes = self._packed_bytes = 0
 
     def view(self, number: Any) -> NDArray[np.uint8]:
         """The bytes of a buffer view. Raises MalformedFile and LimitExceeded."""
@@ -82,8 +82,11 @@ class Buffers:
 
     def _unpacked(self, packed: Document) -> NDArray[np.uint8]:
         count, stride = natural(packed, "count"), natural(packed, "byteStride")
-        self._decompressed += count * stride
-        self._limits.check("unpacked_bytes", self._decompressed)
+        self._unpacked_bytes += count * stride
+        self._packed_bytes += natural(packed, "byteLength")
+        ratio = self._unpacked_bytes // max(self._packed_bytes, 1)
+        self._limits.check("unpacked_bytes", self._unpacked_bytes)
+        self._limits.check("unpacked_bytes_per_byte", ratio)
         mode, filtered = packed.get("mode"), packed.get("filter", "NONE")
         return decompress(self._range(packed), count, stride, str(mode), str(filtered))
 

@@ -151,7 +151,7 @@ def placed_surfaces(document: Document, buffers: Buffers, limits: Limits) -> lis
     skins: dict[int, Matrices] = {}
     surfaces: dict[tuple, list[Surface]] = {}
     placed: list[Placed] = []
-    parts = instances = faces = 0
+    parts = instances = 0
     for number in _shown(document, nodes, parents, order):
         node = nodes[number]
         if "mesh" not in node:
@@ -169,11 +169,8 @@ def placed_surfaces(document: Document, buffers: Buffers, limits: Limits) -> lis
         parts += sum(len(each.primitives) + len(each.morphs) for each in surfaces[key])
         limits.check("geometries", parts)
         transforms = _instance_transforms(node, buffers)
-        count = next((array.count for array in transforms.values()), 1)
-        instances += count
+        instances += next((array.count for array in transforms.values()), 1)
         limits.check("instances", instances)
-        faces += count * sum(surface.face_count for surface in surfaces[key])
-        limits.check("faces", faces)  # before a matrix is made for each
         where = within(matrices[number], _composed(transforms))
         placed += [
             (surface, where if surface.skin is None else np.eye(4)[None])

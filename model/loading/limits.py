@@ -23,8 +23,10 @@ class Limits:
 
     It bounds the depth of a scene too, which is walked without recursion.
     """
-    instances: int = 1_000_000
-    """Instances of a glTF file's meshes, of one node or of all together."""
+    repeated_faces: int = 1_000_000
+    """Triangles that the parts of a scene have where they are placed once more."""
+    instances: int = 250_000
+    """Instances of a glTF file's meshes."""
     values: int = 2_000_000
     """Values in the JSON of a glTF file, where each becomes an object in memory."""
     line_bytes: int = 2**20

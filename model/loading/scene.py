@@ -31,10 +31,13 @@ class Part(Protocol):
 def flatten(placed: Sequence[Placed], limits: Limits) -> Triangles:
     """All parts where their matrices place them. Raises LimitExceeded before any is read."""
     limits.check("geometries", len(placed))
-    limits.check("faces", sum(part.face_count * len(where) for part, where in placed))
+    faces = sum(part.face_count * len(where) for part, where in placed)
+    limits.check("faces", faces)
     limits.check("vertices", sum(part.vertex_count * len(where) for part, where in placed))
     # Each part is read once, wherever it is placed.
     parts = {id(part): part for part, _ in placed}
+    own = sum(part.face_count for part in parts.values())
+    limits.check("repeated_faces", faces - own)
     places: dict[int, list[Matrices]] = {number: [] for number in parts}
     for part, where in placed:
         places[id(part)].append(where)

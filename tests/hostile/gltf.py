@@ -163,6 +163,7 @@ _add("a chain of 9000 nodes", None, _chain(9000))
 _add("a chain of 30 000 nodes", "too-many-geometries", _chain(30_000))
 _add("100 000 nodes", "too-many-geometries", _instances(100_000))
 _add("9000 nodes of 1200 faces", "too-many-faces", _instances(9000, repeats=100))
+_add("900 nodes of 1200 faces", "too-many-repeated-faces", _instances(900, repeats=100))
 _add("9000 primitives of 1200 faces", "too-many-faces", _instances(1, 9000, 100))
 _add("200 nodes of 200 primitives", "too-many-geometries", _instances(200, 200))
 _add("5000 nodes of one name", None, _instances(5000))
@@ -264,7 +265,7 @@ def _meshopt(**changes: Any) -> Callable[[dict, bytes], bytes]:
 
 
 _add("meshopt of zeros", "zero-extent", _meshopt())
-_add("meshopt of 4 million elements", "bad-meshopt", _meshopt(count=4_000_000))
+_add("meshopt of 4 million elements", "too-many-unpacked-bytes-per-byte", _meshopt(count=4_000_000))
 _add("meshopt of 10^12 elements", "too-many-unpacked-bytes", _meshopt(count=10**12))
 _add("meshopt of elements of 0 bytes", "unsupported-feature", _meshopt(byteStride=0))
 _add("meshopt of fewer elements", "truncated", _meshopt(count=4))
@@ -317,7 +318,8 @@ _add(
     "bad-accessor",
     _moved({"skin": 0}, skins=[{"joints": [0], "inverseBindMatrices": 0}]),
 )
-_add("10^6 instances", "too-many-faces", _instanced(1_000_000))
+_add("200 000 instances", "too-many-repeated-faces", _instanced(200_000))
+_add("10^6 instances", "too-many-instances", _instanced(1_000_000))
 _add("10^12 instances", "too-many-instances", _instanced(10**12))
 _add("20 000 targets of morphs", "too-many-geometries", _morphed)
 _set("weights of morphs that are text", "bad-number", "meshes", "weights", ["1"])
