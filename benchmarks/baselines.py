@@ -24,8 +24,7 @@ from benchmarks.baseline_methods.spectrum import Spectrum
 from benchmarks.scores import figures
 from meshconv3d.model.datasets import Sample, class_names, find_samples
 from meshconv3d.service.classifier import Classifier
-from meshconv3d.service.evaluation import classify_samples, summarise
-from meshconv3d.service.evaluation_report import DataId
+from meshconv3d.service.evaluation import DataId, classify_samples, summarise
 
 RESULTS = Path(__file__).parent / "results"
 

@@ -1,4 +1,4 @@
-"""What `meshconv3d classify` does over folders: `python -m benchmarks.batch`.
+"""What `meshconv3d batch` does over folders: `python -m benchmarks.batch`.
 
 Two tables, over copies of the samples. Files per second of each engine, with the time that the
 command itself and its workers compute for each file. And memory against the number of files: of
@@ -38,12 +38,7 @@ class Way:
 WAYS = [
     Way("1 worker", ("--workers", "1")),
     Way(f"{CORES} workers", ("--workers", str(CORES))),
-    Way(f"{CORES} workers, unordered", ("--workers", str(CORES), "--unordered")),
-    Way(f"Ray, {CORES} workers", ("--workers", str(CORES), "--engine", "ray")),
-    Way(
-        f"Ray, {CORES} workers, unordered",
-        ("--workers", str(CORES), "--engine", "ray", "--unordered"),
-    ),
+    Way(f"Ray, {CORES} workers", ("--workers", str(CORES), "--ray", "local")),
 ]
 
 
@@ -75,7 +70,7 @@ def run(folder: Path, output: Path, way: Way) -> Run:
     """Classify a folder in a process of its own, and watch it."""
     program = str(Path(sys.executable).with_name("meshconv3d"))
     output.unlink(missing_ok=True)
-    command = [program, "classify", str(folder), "--output", str(output), *way.options]
+    command = [program, "batch", str(folder), "--output", str(output), *way.options]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
     started: dict[int, float] = {}
     computed: dict[int, float] = {}
@@ -127,7 +122,7 @@ def memory_against_files(place: Path, output: Path, counts: list[int]) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="What `meshconv3d classify` does over folders.")
+    parser = argparse.ArgumentParser(description="What `meshconv3d batch` does over folders.")
     parser.add_argument("--files", type=int, default=5000, help="to compare engines with")
     parser.add_argument("--memory", type=int, nargs="*", default=[1000, 10_000, 100_000])
     arguments = parser.parse_args()

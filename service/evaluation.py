@@ -1,106 +1,170 @@
-"""How good a model is on labelled files, which it classifies as those of any user."""
+"""Evaluation of a model on labelled files, which are classified as those of any user.
+
+`Report` is its one public form: in a terminal's tables (`service.evaluation_output`) and as JSON.
+"""
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from pydantic import BaseModel, Field
 
 from meshconv3d.model import metrics
 from meshconv3d.model.datasets import Sample
-from meshconv3d.model.metrics import Predictions
+from meshconv3d.model.metrics import CALIBRATION_BINS, Predictions
 from meshconv3d.service.classifier import Classifier
-from meshconv3d.service.evaluation_report import (
-    ClassFigures,
-    DataId,
-    Mistake,
-    Report,
-    Spread,
-    Timing,
-)
 from meshconv3d.service.models import Model
-from meshconv3d.service.prediction import Failure, Prediction, Result
+from meshconv3d.service.prediction import Failure, ModelId, Prediction, Result
 
 DIGITS = 6
 
 
+class DataId(BaseModel):
+    """Which files were classified: one part of a labelled folder."""
+
+    folder: str = Field(description="as given")
+    split_file: str | None = Field(description="as given, if any")
+    part: str = Field(examples=["test"])
+
+
+class Spread(BaseModel):
+    """Milliseconds that 50 % and 95 % of the classified files stay within."""
+
+    median: float
+    p95: float
+
+
+class Timing(BaseModel):
+    """stages_ms: each stage, and as `total` all of them, of the files that were classified."""
+
+    stages_ms: dict[str, Spread]
+    files_per_second: float = Field(description="by the clock, refused files included")
+
+
+class Mistake(BaseModel):
+    """A wrong answer, and how many files of a class got it."""
+
+    class_: str = Field(serialization_alias="class")
+    files: int
+
+
+class ClassFigures(BaseModel):
+    """One class of the model. recall is null without files, precision if it was never answered."""
+
+    class_: str = Field(serialization_alias="class")
+    files: int
+    refused: int
+    recall: float | None
+    precision: float | None
+    mistaken_for: Mistake | None = Field(description="the most frequent wrong answer")
+
+
+class Report(BaseModel):
+    """How good a model is. Refused files count as wrong in each accuracy.
+
+    top5_accuracy is null for a model of five classes or fewer, and what is measured on answers is
+    null if there are none. balanced_accuracy: mean recall of the classes that have files.
+    calibration_error: mean over bins of equal width of the highest probability, weighted by their
+    files, of |share right - mean probability|. negative_log_likelihood: mean of -ln(probability of
+    the true class). confusion: answered files by class (rows) and answer (columns), in the order
+    of `classes`.
+    """
+
+    model: ModelId
+    data: DataId
+    files: int
+    refused: int
+    reasons: dict[str, int] = Field(description="refused files by fault")
+    unknown: int | None = Field(
+        description="files that were called unknown, whatever their nearest class; null if the "
+        "model calls nothing so"
+    )
+    accuracy: float
+    top5_accuracy: float | None
+    balanced_accuracy: float
+    calibration_error: float | None
+    calibration_bins: int = CALIBRATION_BINS
+    negative_log_likelihood: float | None
+    timing: Timing | None
+    classes: list[ClassFigures]
+    confusion: list[list[int]]
+
+
 @dataclass(frozen=True, eq=False)
-class Outcome:
-    """What became of one labelled file."""
+class LabelledResult:
+    """Result of one labelled file."""
 
     sample: Sample
     result: Result
 
 
-def classify_samples(classifier: Classifier, samples: Sequence[Sample]) -> Iterator[Outcome]:
+def classify_samples(classifier: Classifier, samples: Sequence[Sample]) -> Iterator[LabelledResult]:
     """Classify labelled files one after the other, in order."""
     results = classifier.classify_many(sample.path for sample in samples)
     for sample, result in zip(samples, results, strict=True):
         if not isinstance(result, Prediction):
             # Not the exception: its traceback would keep every mesh that it passed in memory.
             result = Failure.of(result)
-        yield Outcome(sample, result)
+        yield LabelledResult(sample, result)
 
 
-def summarise(model: Model, data: DataId, outcomes: Sequence[Outcome], seconds: float) -> Report:
+def summarise(
+    model: Model, data: DataId, results: Sequence[LabelledResult], seconds: float
+) -> Report:
     """The report on files that were classified in `seconds` altogether.
 
     Raises ValueError for no files, and for a label that is no class of the model.
     """
-    predictions = _predictions(model.card.config.classes, outcomes)
-    reasons = Counter(o.result.fault for o in outcomes if isinstance(o.result, Failure))
+    classes = model.card.config.classes
+    predictions = _predictions(classes, results)
+    reasons = Counter(one.result.fault for one in results if isinstance(one.result, Failure))
+    unknown = [one for one in results if isinstance(one.result, Prediction) and one.result.unknown]
     answers = not predictions.refused.all()
+
+    def rounded(metric: Callable[..., float], **options: int) -> float:
+        return round(metric(predictions, **options), DIGITS)
+
     return Report(
         model=model.id,
         data=data,
-        files=len(outcomes),
+        files=len(results),
         refused=reasons.total(),
         reasons=dict(reasons.most_common()),
-        unknown=_called_unknown(outcomes) if model.card.calibration else None,
-        accuracy=round(metrics.accuracy(predictions), DIGITS),
-        top5_accuracy=(
-            round(metrics.accuracy(predictions, top=5), DIGITS) if predictions.classes > 5 else None
-        ),
-        balanced_accuracy=round(metrics.balanced_accuracy(predictions), DIGITS),
-        calibration_error=(
-            round(metrics.calibration_error(predictions), DIGITS) if answers else None
-        ),
-        negative_log_likelihood=(
-            round(metrics.negative_log_likelihood(predictions), DIGITS) if answers else None
-        ),
-        timing=_timing(outcomes, seconds) if answers else None,
-        classes=_class_figures(model.card.config.classes, predictions),
+        unknown=len(unknown) if model.card.calibration else None,
+        accuracy=rounded(metrics.accuracy),
+        top5_accuracy=rounded(metrics.accuracy, top=5) if len(classes) > 5 else None,
+        balanced_accuracy=rounded(metrics.balanced_accuracy),
+        calibration_error=rounded(metrics.calibration_error) if answers else None,
+        negative_log_likelihood=rounded(metrics.negative_log_likelihood) if answers else None,
+        timing=_timing(results, seconds) if answers else None,
+        classes=_class_figures(classes, predictions),
         confusion=metrics.confusion_matrix(predictions).tolist(),
     )
 
 
-def _called_unknown(outcomes: Sequence[Outcome]) -> int:
-    results = (outcome.result for outcome in outcomes)
-    return sum(isinstance(result, Prediction) and result.unknown is True for result in results)
-
-
-def _predictions(classes: Sequence[str], outcomes: Sequence[Outcome]) -> Predictions:
+def _predictions(classes: Sequence[str], results: Sequence[LabelledResult]) -> Predictions:
     index = {name: number for number, name in enumerate(classes)}
-    if unknown := {outcome.sample.label for outcome in outcomes} - set(index):
+    if unknown := {one.sample.label for one in results} - set(index):
         raise ValueError(f"labels that are no class of the model: {sorted(unknown)}")
-    probabilities = np.zeros((len(outcomes), len(classes)))
-    refused = np.zeros(len(outcomes), dtype=bool)
-    for row, outcome in enumerate(outcomes):
-        if isinstance(outcome.result, Prediction):
-            probabilities[row] = outcome.result.probabilities
+    probabilities = np.zeros((len(results), len(classes)))
+    refused = np.zeros(len(results), dtype=bool)
+    for row, one in enumerate(results):
+        if isinstance(one.result, Prediction):
+            probabilities[row] = one.result.probabilities
         else:
             refused[row] = True
-    labels = np.array([index[outcome.sample.label] for outcome in outcomes], dtype=np.intp)
+    labels = np.array([index[one.sample.label] for one in results], dtype=np.intp)
     return Predictions(labels, probabilities, refused)
 
 
-def _timing(outcomes: Sequence[Outcome], seconds: float) -> Timing:
-    timings = [o.result.timings_ms for o in outcomes if isinstance(o.result, Prediction)]
+def _timing(results: Sequence[LabelledResult], seconds: float) -> Timing:
+    timings = [r.result.timings_ms for r in results if isinstance(r.result, Prediction)]
     stages = {stage: [timing[stage] for timing in timings] for stage in timings[0]}
     stages["total"] = [sum(timing.values()) for timing in timings]
     return Timing(
         stages_ms={stage: _spread(values) for stage, values in stages.items()},
-        files_per_second=round(len(outcomes) / seconds, 3),
+        files_per_second=round(len(results) / seconds, 3),
     )
 
 

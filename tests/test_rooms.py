@@ -14,6 +14,8 @@ from meshconv3d.model.samples import sample_paths
 from tests.commands import environment
 
 ROOT = Path(__file__).parents[1]
+# Commands whose help needs no settings.
+LIGHT = ("classify", "batch", "explain", "evaluate", "inspect")
 
 # Runs the command line with the modules of the extras out of reach.
 WITHOUT_EXTRAS = """
@@ -72,7 +74,8 @@ def test_serving_loads_neither_torch_nor_onnx() -> None:
 
 
 @pytest.mark.parametrize(
-    "arguments", [["--version"], ["--help"], ["classify", "--help"], ["evaluate", "--help"]]
+    "arguments",
+    [["--version"], ["--help"], *([command, "--help"] for command in LIGHT)],
 )
 def test_short_answers_wait_for_no_heavy_import(arguments: list[str]) -> None:
     program = f"""
@@ -103,10 +106,10 @@ def test_classifying_needs_no_extra(name: str) -> None:
         ("train", ["export", "{file}", "-o", "{folder}/model.onnx"]),
         ("train", ["verify", "{file}", "--checkpoint", "{file}"]),
         ("remote", ["classify", "memory://meshes"]),
-        ("remote", ["classify", "{mesh}", "--output", "memory://all.csv"]),
-        ("parquet", ["classify", "{mesh}", "--output", "{folder}/all.parquet"]),
-        ("report", ["classify", "{mesh}", "--report", "{folder}/all.html"]),
-        ("ray", ["classify", "{mesh}", "--engine", "ray"]),
+        ("remote", ["batch", "{mesh}", "--output", "memory://all.csv"]),
+        ("parquet", ["batch", "{mesh}", "--output", "{folder}/all.parquet"]),
+        ("report", ["batch", "{mesh}", "-o", "{folder}/all.csv", "--report", "{folder}/all.html"]),
+        ("ray", ["batch", "{mesh}", "-o", "{folder}/all.csv", "--ray", "local"]),
     ],
 )
 def test_a_missing_extra_is_named_in_one_line(

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from matplotlib.colors import PowerNorm
@@ -36,7 +36,7 @@ def draw_confusion(
     classes: Sequence[str],
     confusion: NDArray[np.intp],
     refused: NDArray[np.intp],
-    path: Path,
+    path: Path | BinaryIO,
 ) -> None:
     """Share of each class's files that got each answer, as PNG, for 2 to 100 classes.
 
@@ -68,4 +68,4 @@ def draw_confusion(
         share = shares[row, column]
         color = "white" if share > 0.3 else "black"
         axes.text(column + 0.5, row + 0.5, f"{100 * share:.0f}", color=color, **centred)
-    figure.savefig(path, dpi=DPI)
+    figure.savefig(path, dpi=DPI, format="png")

@@ -1,19 +1,27 @@
-"""Which files are classified: walked one by one, in the same order each time, never held."""
+"""Files to classify: walked one by one, in the same order each time, never held in memory."""
 
+import hashlib
+import re
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
 from itertools import islice
 from pathlib import Path
 
-from meshconv3d.model.loading import FORMATS
-from meshconv3d.service.batch.entries import Entry, Source, StandardInput
-from meshconv3d.service.batch.local import LOCAL
-from meshconv3d.service.batch.patterns import MAGIC, matches, may_match
-from meshconv3d.service.batch.remote import REMOTE, is_url
-from meshconv3d.service.batch.sharding import Shard
+from meshconv3d.model.loading import FORMATS, extension, has_mesh_name, has_other_format
+from meshconv3d.service.batch.files import (
+    File,
+    StandardInput,
+    file_at,
+    is_folder,
+    is_url,
+    walk,
+)
 
 # The path that stands for standard input.
 STDIN = "-"
+WILDCARDS = frozenset("*?[")
 
 
 class NotListed(ValueError):
@@ -21,9 +29,31 @@ class NotListed(ValueError):
 
 
 @dataclass(frozen=True)
+class Shard:
+    """Part `number`, from 1, of `count`. Which files are of it follows from their paths alone, so
+    that several machines can share them out."""
+
+    number: int
+    count: int
+
+    @classmethod
+    def parse(cls, text: str) -> "Shard":
+        """From the form "2/8". Raises ValueError."""
+        found = re.fullmatch(r"(\d+)/(\d+)", text)
+        if found is None or not 1 <= int(found[1]) <= int(found[2]):
+            raise ValueError(f"{text!r} is no part of a whole: give one from 1/N to N/N, as 2/8")
+        return cls(int(found[1]), int(found[2]))
+
+    def has(self, below: str) -> bool:
+        """Whether a file is of this part, by its path from where it was found."""
+        digest = hashlib.sha256(below.encode()).digest()
+        return int.from_bytes(digest[:8], "big") % self.count == self.number - 1
+
+
+@dataclass(frozen=True)
 class Choice:
-    """Which of the files that are found are classified. A file that was named is, whatever its
-    name, if it is of the shard.
+    """Which of the files that are found are classified. One that was named is, whatever its name,
+    if it is of the shard.
 
     include, exclude: patterns; with none to include, all are.
     """
@@ -32,14 +62,14 @@ class Choice:
     exclude: Sequence[str] = ()
     shard: Shard | None = None
 
-    def fits(self, entry: Entry) -> bool:
+    def fits(self, file: File) -> bool:
         """Whether the patterns let a file in that was found."""
-        wanted = not self.include or any(matches(entry.below, one) for one in self.include)
-        return wanted and not any(matches(entry.below, one) for one in self.exclude)
+        wanted = not self.include or any(matches(file.below, one) for one in self.include)
+        return wanted and not any(matches(file.below, one) for one in self.exclude)
 
-    def shares(self, entry: Entry) -> bool:
+    def shares(self, file: File) -> bool:
         """Whether a file is of the shard."""
-        return self.shard is None or self.shard.has(entry.below)
+        return self.shard is None or self.shard.has(file.below)
 
 
 @dataclass(frozen=True)
@@ -48,7 +78,7 @@ class Place:
     file. pattern: what paths below it fit."""
 
     path: str
-    find: Callable[[], Iterable[Entry]]
+    find: Callable[[], Iterable[File]]
     root: str | None = None
     pattern: str = "**"
 
@@ -60,7 +90,8 @@ class Place:
         folder, root = folder.resolve(), Path(self.root).resolve()
         if not folder.is_relative_to(root):
             return False
-        return may_match([*folder.relative_to(root).parts, *[None] * depth], self.pattern)
+        parts = [*folder.relative_to(root).parts, *[None] * depth]
+        return _match(parts, self.pattern.split("/"))
 
 
 class Listing:
@@ -72,50 +103,102 @@ class Listing:
     def __init__(
         self, paths: Iterable[str], choice: Choice | None = None, declared: str | None = None
     ) -> None:
-        """declared: the format of standard input. Raises NotListed, with every path looked at."""
+        """declared: the format of files that are named, and of standard input. Raises NotListed,
+        with every path looked at."""
         self._choice = choice or Choice()
         self.places = [_place(path, declared) for path in paths]
         for place in self.places:
-            if not any(True for _ in self._chosen(place)):
-                raise NotListed(_nothing(place.path, self._choice))
+            others: Counter[str] = Counter()
+            if not any(True for _ in self._chosen(place, others)):
+                raise NotListed(_nothing(place.path, self._choice, others))
 
-    def __iter__(self) -> Iterator[Entry]:
+    def __iter__(self) -> Iterator[File]:
+        return self.files(Counter())
+
+    def files(self, others: Counter[str]) -> Iterator[File]:
+        """The files; of other 3D formats in the same folders, it counts each by its extension."""
         for place in self.places:
-            yield from filter(self._choice.shares, self._chosen(place))
+            yield from filter(self._choice.shares, self._chosen(place, others))
 
-    def first(self, count: int) -> list[Entry]:
+    def first(self, count: int) -> list[File]:
         """The first files, at most `count`."""
         return list(islice(self, count))
 
-    def _chosen(self, place: Place) -> Iterable[Entry]:
-        found = place.find()
-        return found if place.root is None else filter(self._choice.fits, found)
+    def _chosen(self, place: Place, others: Counter[str]) -> Iterator[File]:
+        for file in place.find():
+            if place.root is None:
+                yield file
+            elif has_mesh_name(file.below):
+                if self._choice.fits(file):
+                    yield file
+            elif has_other_format(file.below) and self._choice.fits(file):
+                others["." + extension(file.below)] += self._choice.shares(file)
+
+
+def told(others: Counter[str]) -> str:
+    """Files of other formats in words: "12 files of other formats: .fbx 9, .step 3"."""
+    pairs = sorted(others.items(), key=lambda pair: (-pair[1], pair[0]))
+    names = ", ".join(f"{name} {count}" for name, count in pairs)
+    files = "file" if others.total() == 1 else "files"
+    return f"{others.total()} {files} of other formats: {names}"
+
+
+def matches(path: str, pattern: str) -> bool:
+    """Whether a pattern fits a path: `*`, `?` and `[...]` within a name, `**` over any folders.
+
+    A pattern without a slash is held against the name alone.
+    """
+    parts, patterns = path.split("/"), pattern.split("/")
+    return _match(parts[-1:] if len(patterns) == 1 else parts, patterns)
+
+
+def _match(parts: Sequence[str | None], patterns: Sequence[str]) -> bool:
+    """Whether patterns fit a path in its parts, with some name in place of each that is None."""
+    if not patterns:
+        return not parts
+    if patterns[0] == "**":
+        return any(_match(parts[i:], patterns[1:]) for i in range(len(parts) + 1))
+    fits = bool(parts) and (parts[0] is None or fnmatchcase(parts[0], patterns[0]))
+    return fits and _match(parts[1:], patterns[1:])
 
 
 def _place(path: str, declared: str | None) -> Place:
     if path == STDIN:
         return Place(path, lambda: [StandardInput(declared)])
-    source: Source = REMOTE if is_url(path) else LOCAL
     try:
-        kind = source.kind(path)
+        folder = is_folder(path)
     except OSError as error:
         raise NotListed(f"{path} cannot be opened: {error.strerror}") from None
-    if kind == "file":
-        return Place(path, lambda: [source.file(path)])
-    if kind == "folder":
-        return Place(path, lambda: source.walk(path), path)
-    if MAGIC.intersection(path):
-        folder, pattern = source.split_glob(path)
-        return Place(path, lambda: _fitting(source.walk(folder), pattern), folder, pattern)
+    if folder:
+        return Place(path, lambda: walk(path), path)
+    if folder is not None:
+        return Place(path, lambda: [file_at(path, declared)])
+    if WILDCARDS.intersection(path):
+        root, pattern = _split_glob(path)
+        return Place(path, lambda: _fitting(walk(root), pattern), root, pattern)
     raise NotListed(f"no such file or folder: {path}")
 
 
-def _fitting(entries: Iterable[Entry], pattern: str) -> Iterator[Entry]:
+def _split_glob(path: str) -> tuple[str, str]:
+    """The folder above the first part with a wildcard, and the pattern below that folder."""
+    if is_url(path):
+        protocol, _, rest = path.partition("://")
+        inner, chain, outer = rest.partition("::")
+        folder, pattern = _split_glob(inner)
+        return f"{protocol}://{folder.removeprefix('.')}{chain}{outer}", pattern
+    parts = path.split("/")
+    first = next(i for i, part in enumerate(parts) if WILDCARDS.intersection(part))
+    folder = "/".join(parts[:first])
+    return folder or ("/" if first else "."), "/".join(parts[first:])
+
+
+def _fitting(files: Iterable[File], pattern: str) -> Iterator[File]:
     # With the slash, a glob of one part means the folder itself, and not those below.
-    return (entry for entry in entries if matches("/" + entry.below, "/" + pattern))
+    return (file for file in files if matches("/" + file.below, "/" + pattern))
 
 
-def _nothing(path: str, choice: Choice) -> str:
+def _nothing(path: str, choice: Choice, others: Counter[str]) -> str:
     if choice.include or choice.exclude:
         return f"no mesh files under {path} that --include and --exclude let in"
-    return f"no mesh files under {path} (read are: {', '.join(FORMATS)})"
+    also = f"; there are {told(others)}" if others else ""
+    return f"no mesh files under {path} (read are: {', '.join(FORMATS)}){also}"

@@ -1,82 +1,231 @@
-"""The file that records go to: kept in a journal as they come, and never done twice."""
+"""Output of a batch: FILE.jsonl, FILE.csv or FILE.parquet, safe from any interruption.
 
+JSON Lines on this machine are their own journal. Any other form has one beside it, named after it
+with `.journal`, from which it is made once all is done.
+"""
+
+import csv
+import io
 import json
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterable, Iterator
+from dataclasses import fields
+from itertools import count, islice
+from pathlib import Path
+from typing import Any, BinaryIO, Self, get_type_hints
 
-from meshconv3d.service.batch.classifying import Outcome
-from meshconv3d.service.batch.resuming import Done, fault_of, is_settled, stamped
-from meshconv3d.service.batch.summary import Tally
-from meshconv3d.service.batch.targets import NotWritten, Target
+from meshconv3d.model.preparation import MeshReport
+from meshconv3d.service.batch.files import exists, filesystem, is_url, remote_errors
+from meshconv3d.service.batch.resume import (
+    Done,
+    Entry,
+    Journal,
+    LocalJournal,
+    NotWritten,
+    RemoteJournal,
+    entry,
+    fault_of,
+    is_kept,
+    is_settled,
+    parse_line,
+)
+from meshconv3d.service.batch.running import Tally
+from meshconv3d.service.classifier import STAGES
+from meshconv3d.service.output_files import replacing
+from meshconv3d.service.records import Answer, Refusal, to_json
 
-# How the line of a record begins.
-RECORD_START = b'{"file":'
+# Rows that are written to Parquet at a time, and so held in memory.
+ROW_GROUP = 4096
+
+# How a cell begins that a spreadsheet would take for a formula, or that hides one.
+FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")
+
+CSV_COLUMNS = (
+    *("file", "class", "probability", "unknown", "novelty"),
+    *("error.fault", "error.message", "model.name", "model.sha256"),
+    *(f"mesh.{field.name}" for field in fields(MeshReport)),
+    *(f"timings_ms.{stage}" for stage in STAGES),
+    *("scores", "sha256", "run"),
+)
 
 
 class Output:
-    """An output that is written. tally: what earlier runs have left, and what is added."""
+    """Where the records of a batch go: a path or a URL that ends with one of FORMS.
 
-    def __init__(
-        self, target: Target, run: str, earlier: Callable[[bytes], None] = lambda record: None
-    ) -> None:
-        """Create it, or go on with it. run: see `run_id`. earlier: told of each record that is
-        there already.
+    tally: counts of what earlier runs have left, and of what is added.
+    """
 
-        Raises OSError, and NotWritten where what is there is of another run.
-        """
-        self._target = target
-        self._run = run
-        self._journal = target.open_journal()
-        self._journal.recover(lambda line: _is_kept(line, run, target.path))
-        self._done = Done()
+    def __init__(self, path: str, resume: bool) -> None:
+        """Nothing is written yet. Raises NotWritten, also where something would be overwritten;
+        ModuleNotFoundError where an extra is missing; OSError."""
+        form = path.rpartition(".")[2].lower()
+        if form not in FORMS:
+            forms = ", ".join(f".{form}" for form in FORMS)
+            raise NotWritten(f"{path} does not end with a form that is written: {forms}")
+        if form == "parquet":
+            import pyarrow.parquet  # noqa: F401  # now, not after hours of work
+        self.path = path
         self.tally = Tally()
-        self._table = None if target.is_own_journal else target.table(target.open())
-        for line in self._journal:
-            record = json.loads(line)
-            self._done.add(record["file"], record["sha256"])
-            self.tally.add(fault_of(record))
-            self._add_to_table(line)
-            earlier(line)
-        self.tally.earlier = self.tally.files
+        self._write = FORMS[form]
+        self._is_journal = form == "jsonl" and not is_url(path)
+        self.journal_path = path if self._is_journal else f"{path}.journal"
+        self._journal: Journal
+        self._run = ""
+        self._done = Done()
+        self._settled = True
+        self._check(resume)
+
+    def _check(self, resume: bool) -> None:
+        if exists(self.journal_path):
+            if not resume:
+                raise NotWritten(
+                    f"{self.path} is there already, or was begun: go on with it by --resume, or "
+                    "name another file"
+                )
+        elif exists(self.path):
+            raise NotWritten(
+                f"{self.path} is there already, and finished, without the {self.journal_path} of a "
+                "run that --resume could go on with: name another file"
+            )
+
+    def begin(self, run: str) -> Iterator[Entry]:
+        """Create the output, or go on with it; the entries that are there already. run: see
+        `run_id`.
+
+        Raises OSError, and NotWritten where what is there is of another run, or damaged.
+        """
+        self._run = run
+        remote = is_url(self.path)
+        path = self.journal_path
+        self._journal = RemoteJournal(path) if remote else LocalJournal(Path(path))
+        numbers = count(1)
+        self._journal.recover(lambda line: is_kept(line, next(numbers), run, path))
+        for found in self._entries():
+            assert found.sha256 is not None  # of those that are kept
+            self._done.add(found.file, found.sha256)
+            self.tally.add(fault_of(found))
+            self.tally.earlier += 1
+            yield found
+
+    def _entries(self) -> Iterator[Entry]:
+        return map(parse_line, self._journal)
 
     def done_as(self, name: str) -> Collection[str]:
         """See `DoneAs`."""
         return self._done.take(name)
 
-    def add(self, outcome: Outcome) -> None:
-        """Keep a record. Raises OSError."""
-        line = stamped(outcome, self._run)
-        self._journal.add(line)
-        self._add_to_table(line)
-        self.tally.add(outcome.fault)
+    def add(self, record: Answer | Refusal, sha256: str | None) -> None:
+        """Keep a record. sha256: see `FileResult`. Raises OSError."""
+        added = entry(record, sha256, self._run)
+        self._journal.add(to_json(added) + b"\n")
+        self.tally.add(fault_of(added))
+        self._settled = self._settled and is_settled(added)
 
-    def close(self) -> None:
-        """Finish all files. Raises OSError."""
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        """After an error, keep what was added, for --resume to go on with. Otherwise write the
+        file, with all records. Its journal is removed, unless another attempt may change a record.
+        Raises OSError."""
         self._journal.close()
-        if self._table:
-            with self._target.errors():
-                self._table.close()
-            self._target.publish()
+        if kind is not None or self._is_journal:
+            return
+        if is_url(self.path):
+            fs, inner = filesystem(self.path)
+            with remote_errors(), fs.open(inner, "wb") as file:
+                self._write(self._entries(), file)
+        else:
+            with replacing(Path(self.path)) as file:
+                self._write(self._entries(), file)
+        if self._settled:
+            self._journal.remove()
 
-    def _add_to_table(self, line: bytes) -> None:
-        if self._table:
-            with self._target.errors():
-                self._table.add(line)
+
+def write_lines(entries: Iterable[Entry], file: BinaryIO) -> None:
+    """Entries as JSON Lines."""
+    file.writelines(to_json(one) + b"\n" for one in entries)
 
 
-def _is_kept(line: bytes, run: str, path: str) -> bool:
-    """Whether a line stays. Raises NotWritten for what another run or program has written."""
-    if not line.endswith(b"\n") and line.startswith(RECORD_START[: len(line)]):
-        return False  # the process was killed as it wrote it
-    try:
-        record = json.loads(line)
-        other = record["run"] != run
-    except (ValueError, TypeError, KeyError):
-        raise NotWritten(
-            f"{path} holds lines that are no records of this command: name another file"
-        ) from None
-    if other:
-        raise NotWritten(
-            f"{path} was written by another model, or with another --top or other limits: resume "
-            "with the same, or name another file"
-        )
-    return is_settled(record)
+def write_csv(entries: Iterable[Entry], file: BinaryIO) -> None:
+    """A row for each entry; what lies deeper has its path as its column, as `mesh.faces_in`. Lists
+    and booleans are JSON.
+
+    Text that a spreadsheet would take for a formula begins with an apostrophe.
+    """
+    text = io.TextIOWrapper(file, encoding="utf-8", newline="", write_through=True)
+    rows = csv.DictWriter(_Rows(text), CSV_COLUMNS, extrasaction="ignore")
+    rows.writeheader()
+    rows.writerows(map(_row, entries))
+    text.detach()
+
+
+class _Rows:
+    """Ends rows with a line feed alone. The writer has to think otherwise: before Python 3.13 it
+    quotes a carriage return only where it ends rows, and one in a name would make two of a row."""
+
+    def __init__(self, file: io.TextIOWrapper) -> None:
+        self._file = file
+
+    def write(self, row: str) -> None:
+        """Write one whole row."""
+        self._file.write(row.removesuffix("\r\n") + "\n")
+
+
+def _row(found: Entry) -> dict[str, object]:
+    row: dict[str, object] = {}
+    for name, value in _plain(found).items():
+        cells = value if isinstance(value, dict) else {"": value}
+        row.update({f"{name}.{inner}".rstrip("."): _cell(one) for inner, one in cells.items()})
+    return row
+
+
+def _cell(value: object) -> object:
+    if isinstance(value, str):
+        return f"'{value}" if value.startswith(FORMULA) else value
+    return json.dumps(value) if isinstance(value, list | bool) else value
+
+
+def _plain(found: Entry) -> dict[str, Any]:
+    return found.model_dump(mode="json", by_alias=True)
+
+
+def write_parquet(entries: Iterable[Entry], file: BinaryIO) -> None:
+    """Entries in columns, nested as they are. Needs pyarrow, of the extra `parquet`."""
+    import pyarrow as pa
+    from pyarrow.parquet import ParquetWriter
+
+    types = {int: pa.int64(), float: pa.float64(), bool: pa.bool_()}
+    report = get_type_hints(MeshReport)
+    score = {"class": pa.string(), "probability": pa.float64(), "score": pa.float64()}
+    schema = pa.schema(
+        {
+            "file": pa.string(),
+            "class": pa.string(),
+            "probability": pa.float64(),
+            "unknown": pa.bool_(),
+            "novelty": pa.float64(),
+            "scores": pa.list_(pa.struct(score)),
+            "error": pa.struct({"fault": pa.string(), "message": pa.string()}),
+            "model": pa.struct({"name": pa.string(), "sha256": pa.string()}),
+            "mesh": pa.struct(
+                {
+                    field.name: types.get(report[field.name], pa.string())
+                    for field in fields(MeshReport)
+                }
+            ),
+            "timings_ms": pa.struct(dict.fromkeys(STAGES, pa.float64())),
+            "sha256": pa.string(),
+            "run": pa.string(),
+        }
+    )
+    with ParquetWriter(file, schema, compression="zstd") as writer:
+        rows = map(_plain, entries)
+        while group := list(islice(rows, ROW_GROUP)):
+            writer.write_table(pa.Table.from_pylist(group, schema))
+
+
+FORMS: dict[str, Callable[[Iterable[Entry], BinaryIO], None]] = {
+    "jsonl": write_lines,
+    "csv": write_csv,
+    "parquet": write_parquet,
+}

@@ -1,11 +1,12 @@
-"""All files over a Ray cluster. Importing it needs ray, of the extra `ray`.
+"""Files to results over a Ray cluster. Importing it needs ray, of the extra `ray`.
 
 Ray Data schedules, holds back what comes too fast, and does again what a lost node had in hand.
-Entries travel, not files: whoever classifies one reads it, and it comes back as its outcome.
+Files travel as their paths or URLs, not as their bytes: an actor reads one where it classifies it.
 """
 
 import logging
 import os
+import pickle
 import socket
 from collections.abc import Iterable, Iterator
 from itertools import islice
@@ -20,19 +21,21 @@ import ray.data
 from ray.data.block import Block
 from ray.exceptions import RayError
 
-from meshconv3d.service.batch.classifying import DoneAs, Options, Outcome
-from meshconv3d.service.batch.engines import EngineFailed
-from meshconv3d.service.batch.entries import Entry
-from meshconv3d.service.batch.local import LocalFile
-from meshconv3d.service.batch.ray_actor import OneWorker, packed, unpacked
-from meshconv3d.service.batch.shared import SharedFile
-from meshconv3d.service.workers import Setup
+from meshconv3d.service.batch.files import File, LocalFile
+from meshconv3d.service.batch.running import (
+    DoneAs,
+    ExecutorFailed,
+    FileResult,
+    Options,
+    PoolExecutor,
+)
+from meshconv3d.service.workers import Setup, ThreadedPool
 
-# Entries that an actor takes at a time, and that are done again if its node is lost.
+# Files that an actor takes at a time, and that are done again if its node is lost.
 BLOCK = 32
 # Blocks that it has in hand: while one waits for its last file, another is read.
 IN_HAND = 2
-# Entries that are listed before the first is classified. Ray must know all its input at once: for
+# Files that are listed before the first is classified. Ray must know all its input at once: for
 # more, its actors start anew, which takes seconds.
 AT_ONCE = 200_000
 # Actors that may die one after the other as they start, which is put down to nodes that are lost
@@ -40,19 +43,19 @@ AT_ONCE = 200_000
 STARTS = 10
 # How long a cluster may take to answer at all.
 ANSWER_SECONDS = 10.0
+# The address that stands for a cluster on this machine that ends with the executor.
+LOCAL = "local"
 
 
-class Ray:
-    """In the actors of a cluster, each with one worker process and one CPU; see `OneWorker`."""
+class RayExecutor:
+    """In the actors of a cluster, each with one worker process and one CPU; see `Actor`."""
 
-    def __init__(
-        self, setup: Setup, workers: int | None, ordered: bool, address: str | None
-    ) -> None:
+    def __init__(self, setup: Setup, workers: int | None, address: str) -> None:
         """Connect to a cluster, or start one on this machine.
 
         workers: as many actors; None for as many as the cluster has, or makes, room for. address:
-        of a cluster; None for that of RAY_ADDRESS, or one that ends with the engine. Raises
-        EngineFailed.
+        LOCAL, HOST:PORT, or auto for that of RAY_ADDRESS or of this machine. Raises
+        ExecutorFailed.
         """
         self._setup = setup
         self._workers = workers
@@ -60,17 +63,17 @@ class Ray:
         _log_to_files_alone()
         context = ray.data.DataContext.get_current()
         context.enable_progress_bars = False
-        context.execution_options.preserve_order = ordered
+        context.execution_options.preserve_order = True
         context.max_consecutive_actor_init_deaths = STARTS
 
-    def outcomes(
-        self, entries: Iterable[Entry], options: Options, done_as: DoneAs
-    ) -> Iterator[Outcome]:
-        """See `Engine`. Raises EngineFailed."""
-        blocks = _blocks(entries, done_as)
+    def results(
+        self, files: Iterable[File], options: Options, done_as: DoneAs
+    ) -> Iterator[FileResult]:
+        """See `Executor`. Raises ExecutorFailed."""
+        blocks = _blocks(files, done_as)
         while listed := list(islice(blocks, AT_ONCE // BLOCK)):
             classified = ray.data.from_blocks(listed).map_batches(
-                OneWorker,
+                Actor,
                 fn_constructor_args=(self._setup, options),
                 batch_size=None,
                 batch_format="pyarrow",
@@ -79,9 +82,9 @@ class Ray:
             )
             try:
                 for block in classified.iter_batches(batch_size=None, batch_format="pyarrow"):
-                    yield from unpacked(block)
+                    yield from _unpacked(block)
             except RayError as error:
-                raise EngineFailed(f"Ray gave up: {_said(error)}") from None
+                raise ExecutorFailed(f"Ray gave up: {_said(error)}") from None
 
     def _pool(self) -> ray.data.ActorPoolStrategy:
         several: dict[str, Any] = {
@@ -100,47 +103,79 @@ class Ray:
         ray.shutdown()
 
 
-def _connect(address: str | None, workers: int | None) -> None:
-    given = address or os.environ.get("RAY_ADDRESS")
-    if given and given != "auto":
-        _check_answers(given)
-    own = {} if given else {"num_cpus": workers, "include_dashboard": False}
+class Actor:
+    """On a node of the cluster: blocks of files in, blocks of results out.
+
+    It reads the files and its one worker process classifies them: one that breaks its reader costs
+    its own record, as everywhere. Several blocks may be in hand at a time.
+    """
+
+    def __init__(self, setup: Setup, options: Options) -> None:
+        """Raises ModelFileError, SelfTestError or NotStarted."""
+        pool = ThreadedPool(setup, 1)
+        pool.start()
+        self._executor = PoolExecutor(pool, 1)
+        self._options = options
+
+    def __call__(self, block: Block) -> Block:
+        """The results of the files that are not done. block: each with the contents with which it
+        is done."""
+        pairs = _unpacked(block)
+        done = iter([contents for _, contents in pairs])
+        files = [file for file, _ in pairs]
+        return _packed(self._executor.results(files, self._options, lambda _: next(done)))
+
+
+def _packed(values: Iterable[Any]) -> Block:
+    import pyarrow as pa  # which comes with ray
+
+    return pa.table({"value": pa.array(map(pickle.dumps, values), pa.binary())})
+
+
+def _unpacked(block: Block) -> list[Any]:
+    return [pickle.loads(value) for value in block["value"].to_pylist()]
+
+
+def _blocks(files: Iterable[File], done_as: DoneAs) -> Iterator[Block]:
+    rest = iter(files)
+    while some := list(islice(rest, BLOCK)):
+        shared = (file.shared() if isinstance(file, LocalFile) else file for file in some)
+        yield _packed((file, done_as(file.name)) for file in shared)
+
+
+def _connect(address: str, workers: int | None) -> None:
+    if address == "auto":
+        address = os.environ.get("RAY_ADDRESS", address)
+    if address not in ("auto", LOCAL):
+        _check_answers(address)
+    own = {"num_cpus": workers, "include_dashboard": False} if address == LOCAL else {}
     try:
-        ray.init(given or "local", log_to_driver=False, logging_level=logging.CRITICAL, **own)
+        ray.init(address, log_to_driver=False, logging_level=logging.CRITICAL, **own)
     except (ConnectionError, RuntimeError, ValueError, RayError) as error:
-        where = f"the Ray cluster at {given} cannot be used" if given else "Ray does not start"
-        raise EngineFailed(f"{where}: {_said(error)}") from None
+        where = "Ray does not start"
+        if address != LOCAL:
+            where = f"the Ray cluster at {address} cannot be used"
+        raise ExecutorFailed(f"{where}: {_said(error)}") from None
 
 
 def _check_answers(address: str) -> None:
     """Ray itself would try for minutes."""
     host, _, port = address.rpartition(":")
     if "/" in address or not port.isdigit():
-        raise EngineFailed(
-            f"{address} is no address of a Ray cluster: give HOST:PORT, or auto on one of its "
-            "machines"
+        raise ExecutorFailed(
+            f"{address} is no address of a Ray cluster: give HOST:PORT, auto on one of its "
+            f"machines, or {LOCAL} to start one on this machine"
         )
     try:
         socket.create_connection((host, int(port)), ANSWER_SECONDS).close()
     except OSError as error:
-        raise EngineFailed(f"no Ray cluster answers at {address}: {error.strerror}") from None
+        raise ExecutorFailed(f"no Ray cluster answers at {address}: {error.strerror}") from None
 
 
 def _log_to_files_alone() -> None:
     """Ray keeps a log of each session; standard error is for what a person must know."""
     log = logging.getLogger("ray.data")
     log.handlers = [handler for handler in log.handlers if handler.name != "console"]
-
-
-def _blocks(entries: Iterable[Entry], done_as: DoneAs) -> Iterator[Block]:
-    """Entries as they travel."""
-    rest = iter(entries)
-    while some := list(islice(rest, BLOCK)):
-        yield packed((_travelling(entry), done_as(entry.name)) for entry in some)
-
-
-def _travelling(entry: Entry) -> Entry:
-    return SharedFile.of(entry) if isinstance(entry, LocalFile) else entry
 
 
 def _said(error: Exception) -> str:

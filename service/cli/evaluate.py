@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from meshconv3d.service.cli.shared import load_classifier
-from meshconv3d.service.cli.terminal import with_progress
+from meshconv3d.service.cli.setup import load_classifier, usage_errors
 
 if TYPE_CHECKING:
     from meshconv3d.model.datasets import Sample
@@ -55,11 +54,11 @@ def evaluate(
     with 0 if every file was classified, 1 if some were not, 2 if the call itself is wrong.
     """
     if out:
-        # Now, since it needs what may be missing: after an hour of classifying it is too late.
-        import meshconv3d.service.cli.evaluation_files  # noqa: F401
-    from meshconv3d.service.cli.evaluation_tables import print_evaluation
-    from meshconv3d.service.evaluation import classify_samples, summarise
-    from meshconv3d.service.evaluation_report import DataId
+        # Now, since it needs an extra: after an hour of work it is too late to say so.
+        import meshconv3d.model.training.plots  # noqa: F401
+    from meshconv3d.service.cli.terminal import with_progress
+    from meshconv3d.service.evaluation import DataId, classify_samples, summarise
+    from meshconv3d.service.evaluation_output import print_evaluation, write_files
     from meshconv3d.service.records import readable
 
     classifier = load_classifier(model)
@@ -67,19 +66,17 @@ def evaluate(
     if out:
         out.mkdir(parents=True, exist_ok=True)
     started = time.perf_counter()
-    outcomes = list(with_progress(classify_samples(classifier, samples), len(samples)))
+    results = list(with_progress(classify_samples(classifier, samples), len(samples)))
     seconds = time.perf_counter() - started
     split = readable(str(split_file)) if split_file else None
     measured = DataId(folder=readable(str(data)), split_file=split, part=part)
-    report = summarise(classifier.model, measured, outcomes, seconds)
+    report = summarise(classifier.model, measured, results, seconds)
     if out:
-        from meshconv3d.service.cli.evaluation_files import write_files
-
-        write_files(out, report, outcomes)
+        write_files(out, report, results)
     if as_json or not sys.stdout.isatty():
         click.echo(report.model_dump_json(by_alias=True).encode())
     else:
-        print_evaluation(report, outcomes)
+        print_evaluation(report, results)
     ctx.exit(1 if report.refused else 0)
 
 
@@ -87,10 +84,8 @@ def _find(data: Path, split_file: Path | None, part: str, known: Sequence[str]) 
     """The files to classify. None at all, or of a class that the model lacks, is a usage error."""
     from meshconv3d.model.datasets import DatasetError, class_names, list_samples
 
-    try:
+    with usage_errors(DatasetError):
         listed = list_samples(data, split_file)
-    except DatasetError as error:
-        raise click.UsageError(str(error)) from None
     samples = [sample for sample in listed if sample.split == part]
     if not samples and listed:
         parts = " or ".join(sorted({sample.split for sample in listed}))

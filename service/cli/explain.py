@@ -1,77 +1,86 @@
-"""`meshconv3d classify --explain`: beside each record, the mesh coloured by its evidence."""
+"""`meshconv3d explain`: one mesh in, the same out, coloured by what each face says for a class."""
 
 import os
-from collections.abc import Sequence
+import sys
+from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
-if TYPE_CHECKING:
-    from meshconv3d.service.batch.classifying import Classify
-    from meshconv3d.service.classifier import Classifier
-    from meshconv3d.service.prediction import Prediction
-    from meshconv3d.service.workers import Task
+from meshconv3d.service.cli.setup import (
+    format_option,
+    list_files,
+    load_classifier,
+    model_option,
+    read_settings,
+    usage_errors,
+)
 
 
-def explaining(
-    classifier: "Classifier", files: Sequence[str], out: Path, label: str | None
-) -> "Classify":
-    """What classifies the files, and writes where each score comes from.
+@click.command()
+@click.argument("file")
+@click.option(
+    "-o",
+    "--output",
+    "out",
+    type=click.Path(dir_okay=False, path_type=Path),
+    required=True,
+    metavar="OUT",
+    help="Write the mesh in colours to OUT.glb or .ply, or its numbers to OUT.json.",
+)
+@click.option("--class", "label", metavar="NAME", help="Explain this class, not the likeliest.")
+@model_option
+@format_option
+@click.pass_context
+def explain(
+    ctx: click.Context,
+    file: str,
+    out: Path,
+    label: str | None,
+    model: str | None,
+    declared: str | None,
+) -> None:
+    """Colour the mesh in FILE by what each of its faces adds to the score of a class.
 
-    A call that cannot be carried out is a usage error, before anything is read.
+    Orange speaks for the class, blue against it. FILE is a mesh file, a URL, or - for standard
+    input. Prints the record of `meshconv3d classify`, too. Exits with 0 if the mesh was explained,
+    1 if it cannot be used, 2 if the call itself is wrong.
     """
-    from meshconv3d.service.evidence import FORMS, NotExplained, explain, explained_class
-    from meshconv3d.service.records import readable
+    from meshconv3d.service.attribution import FORMS, NotExplained, explained_class
+    from meshconv3d.service.batch.running import Options, SerialExecutor
+    from meshconv3d.service.cli.terminal import JsonPrinter, TablePrinter
+    from meshconv3d.service.output_files import replacing
+    from meshconv3d.service.prediction import Prediction
+    from meshconv3d.service.workers import ExplanationOptions, Task, predict
 
+    form = out.suffix[1:].lower()
+    if form not in FORMS:
+        forms = ", ".join(f".{name}" for name in FORMS)
+        raise click.UsageError(f"--output {out} does not end with a form that is written: {forms}")
+    if os.path.exists(out) and os.path.exists(file) and os.path.samefile(file, out):
+        raise click.UsageError(f"--output {out} is the mesh itself: name another file")
+    (place,) = list_files([file], declared=declared).places
+    if place.root is not None:
+        raise click.UsageError(f"{file} is no file: explain takes one mesh")
+    classifier = load_classifier(model)
     config = classifier.model.card.config
-    try:
+    with usage_errors(NotExplained):
         explained_class(config.classes, config.pooling, label)
-    except NotExplained as error:
-        raise click.UsageError(str(error)) from None
-    named = map(readable, files)
-    targets = dict(zip(named, _targets(files, out), strict=True))
-    meshes = {Path(file).resolve() for file in files}
-    for _, target in targets.values():
-        if target.resolve() in meshes:
-            raise click.UsageError(f"--explain {out} would overwrite a mesh of the call: {target}")
+    asked = ExplanationOptions(form, label)
 
-    def classify(task: "Task") -> "Prediction":
-        found = explain(classifier, task.content, task.declared, label)
-        name, target = targets[task.file or ""]
-        _write(target, FORMS[_extension(target)].write(name, found))
-        return found.prediction
+    def explained(task: Task) -> Prediction:
+        named = replace(task, file=os.path.basename(task.file or "-"), explanation=asked)
+        return predict(named, classifier, False)
 
-    return classify
-
-
-def _write(target: Path, content: bytes) -> None:
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        target.write_bytes(content)
-    except OSError as error:
-        # Not the mesh's fault, whose record would say so.
-        raise click.ClickException(f"{target} cannot be written: {error.strerror}") from None
-
-
-def _targets(files: Sequence[str], out: Path) -> list[tuple[str, Path]]:
-    """The name of each file and where its explanation goes: OUT, or into the folder OUT, which
-    gets the folders of the files from where they part."""
-    from meshconv3d.model.loading import FORMATS as READ
-    from meshconv3d.service.evidence import FORMS
-
-    if not out.is_dir() and _extension(out) in FORMS:
-        if len(files) > 1:
-            raise click.UsageError(f"--explain {out} is one file for {len(files)}: name a folder")
-        return [(Path(files[0]).name, out)]
-    if out.is_file() or (not out.is_dir() and _extension(out) in READ):
-        forms = ", ".join(f".{form}" for form in FORMS)
-        raise click.UsageError(f"--explain {out} is neither a folder nor a file with {forms}")
-    paths = [Path("stdin" if file == "-" else file).absolute() for file in files]
-    top = os.path.commonpath([path.parent for path in paths])
-    default = next(iter(FORMS))
-    return [(path.name, out / f"{path.relative_to(top)}.{default}") for path in paths]
-
-
-def _extension(path: Path) -> str:
-    return path.suffix[1:].lower()
+    options = Options(classifier.model.id.name, read_settings({}).worker_memory_bytes)
+    (one,) = SerialExecutor(explained).results(place.find(), options, lambda _: ())
+    if isinstance(one.result, Prediction):
+        assert one.result.explanation is not None
+        out.parent.mkdir(parents=True, exist_ok=True)
+        with replacing(out) as written:
+            written.write(one.result.explanation)
+    printer = TablePrinter(None, nullcontext) if sys.stdout.isatty() else JsonPrinter(None)
+    with printer:
+        printer.add(one.file.name, one.result)
+    ctx.exit(0 if one.fault is None else 1)

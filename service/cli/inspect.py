@@ -13,7 +13,7 @@ def inspect(model: str | None, as_json: bool) -> None:
 
     [default: the first of MESHCONV3D_MODELS, or shrec11]
     """
-    from meshconv3d.service.cli.shared import load_classifier
+    from meshconv3d.service.cli.setup import load_classifier
     from meshconv3d.service.cli.terminal import printable
 
     opened = load_classifier(model).model

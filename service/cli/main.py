@@ -21,6 +21,14 @@ COMMANDS = {
         "service.cli.classify:classify",
         "Say what the meshes in files and folders are.",
     ),
+    "batch": (
+        "service.cli.batch:batch",
+        "Classify folders of any size into one file.",
+    ),
+    "explain": (
+        "service.cli.explain:explain",
+        "Colour a mesh by what speaks for its class.",
+    ),
     "evaluate": ("service.cli.evaluate:evaluate", "Measure how good a model is."),
     "serve": ("service.cli.serve:serve", "Answer over HTTP."),
     "formats": ("service.cli.formats:formats", "List the file formats that are read."),
@@ -155,6 +163,9 @@ def main() -> None:
     except click.ClickException as error:
         error.show()
         sys.exit(error.exit_code)
+    except MemoryError:
+        click.echo("Error: not enough memory; raise the limit of it (ulimit -v)", err=True)
+        sys.exit(1)
     except BrokenPipeError:
         _drop_output()
         sys.exit(0)

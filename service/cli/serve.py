@@ -53,7 +53,7 @@ def serve(**flags: Any) -> None:
     """
     from meshconv3d.export.metadata import ModelFileError
     from meshconv3d.service.classifier import SelfTestError
-    from meshconv3d.service.cli.shared import read_settings
+    from meshconv3d.service.cli.setup import read_settings
     from meshconv3d.service.http.behind import start_workers
     from meshconv3d.service.http.listening import CannotListen
     from meshconv3d.service.http.open_files import TooFewFiles, allow_open_files

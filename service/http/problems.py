@@ -17,7 +17,7 @@ from meshconv3d.model.errors import (
     UnknownFormat,
     UnusableMesh,
 )
-from meshconv3d.service.evidence import NotExplained
+from meshconv3d.service.attribution import NotExplained
 from meshconv3d.service.http.admission import Full
 from meshconv3d.service.http.errors import TooLarge, Unreadable, UploadTooSlow
 from meshconv3d.service.http.notes import notes_of

@@ -8,8 +8,8 @@ from fastapi.responses import StreamingResponse
 from starlette.requests import ClientDisconnect
 from starlette.types import Receive, Scope, Send
 
-from meshconv3d.service.evidence import FORMS, explained_class
-from meshconv3d.service.evidence.records import ExplainedAnswer
+from meshconv3d.service.attribution import FORMS, explained_class
+from meshconv3d.service.attribution.legend import ExplainedAnswer
 from meshconv3d.service.http.description import BINARY, FILE_BODY, FILES_BODY, WORK_ERRORS, problems
 from meshconv3d.service.http.direct import Asked, AskedWhy, DirectRoute, described, read_query
 from meshconv3d.service.http.negotiation import preferred

@@ -22,6 +22,9 @@ def limit_memory(bytes_more: int) -> None:
     if sys.platform == "linux":
         pages = int(Path("/proc/self/statm").read_text().split()[0])
         most = pages * resource.getpagesize() + bytes_more
+        _, hard = resource.getrlimit(resource.RLIMIT_AS)
+        if hard != resource.RLIM_INFINITY:
+            most = min(most, hard)  # ulimit -v, which may only be lowered
         resource.setrlimit(resource.RLIMIT_AS, (most, most))
 
 

@@ -14,8 +14,8 @@ from meshconv3d.model import loading
 from meshconv3d.model.errors import MeshError, UnusableMesh
 from meshconv3d.model.loading import Limits
 from meshconv3d.model.mesh import Mesh
+from meshconv3d.service.attribution import FORMS, explain
 from meshconv3d.service.classifier import Classifier
-from meshconv3d.service.evidence import FORMS, explain
 from meshconv3d.service.models import ModelFile, ModelInfo
 from meshconv3d.service.prediction import Prediction
 from meshconv3d.service.workers.limits import limit_cpu, limit_memory
@@ -57,7 +57,7 @@ class Task:
 
 @dataclass(frozen=True)
 class ExplanationOptions:
-    """An explanation in one of `service.evidence.FORMS`, of the class `label` or the likeliest."""
+    """An explanation in one of `attribution.FORMS`, of the class `label` or the likeliest."""
 
     form: str
     label: str | None

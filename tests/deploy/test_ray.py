@@ -9,7 +9,7 @@ import kubernetes_validate
 import pytest
 import yaml
 
-from meshconv3d.service.cli.classify import classify
+from meshconv3d.service.cli.batch import batch
 from meshconv3d.service.settings import Settings
 
 pytest.importorskip("ray", reason="needs the extra `ray`")
@@ -127,10 +127,10 @@ def test_all_nodes_have_one_image_of_one_version(name: str) -> None:
 
 def test_the_job_is_a_call_that_can_be_gone_on_with() -> None:
     program, command, *arguments = shlex.split(manifest("rayjob.yaml")["spec"]["entrypoint"])
-    assert (program, command) == ("meshconv3d", "classify")
-    given = classify.make_context("classify", arguments).params
-    assert (given["engine_name"], given["resume"]) == ("ray", True)
-    assert given["output"].startswith("s3://")
+    assert (program, command) == ("meshconv3d", "batch")
+    given = batch.make_context("batch", arguments).params
+    assert (given["address"], given["resume"]) == ("auto", True)
+    assert given["file"].startswith("s3://")
 
 
 def test_the_service_is_what_serve_finds() -> None:
@@ -158,7 +158,7 @@ def test_a_node_of_the_service_has_room_for_one_replica() -> None:
 
 
 def test_a_node_of_the_job_has_room_for_its_workers(monkeypatch: pytest.MonkeyPatch) -> None:
-    from meshconv3d.service.batch.engines import HELD_BYTES
+    from meshconv3d.service.batch.running import HELD_BYTES
 
     (workers,) = cluster_of("rayjob.yaml")["workerGroupSpecs"]
     (container,) = workers["template"]["spec"]["containers"]

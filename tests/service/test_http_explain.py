@@ -78,7 +78,7 @@ def test_what_is_written_is_what_the_command_line_writes(
     client: httpx.Client, meshes: Path, ring: bytes, model_file: Path, tmp_path: Path
 ) -> None:
     out = tmp_path / "ring.glb"
-    done = meshconv3d("classify", meshes / "ring.obj", "--model", model_file, "--explain", out)
+    done = meshconv3d("explain", meshes / "ring.obj", "--model", model_file, "-o", out)
     assert done.returncode == 0
     response = client.post("/v1/explain", files={"file": ("ring.obj", ring)})
     assert response.content == out.read_bytes()

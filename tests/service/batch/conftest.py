@@ -1,41 +1,14 @@
-"""Records as an engine gives them, and an object store that runs."""
+"""An object store that runs, and a browser, shared with the tests of the service's page."""
 
-import json
 import os
 import uuid
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import pytest
 
-from meshconv3d.service.batch.classifying import Outcome
-from meshconv3d.service.batch.local import LocalFile
-from meshconv3d.service.prediction import Failure
-from meshconv3d.service.records import Refusal
+from tests.service.page.conftest import browser, chromium
 
-
-@pytest.fixture
-def outcome() -> Callable[..., Outcome]:
-    """Makes the outcome of a file, by its name; refused with a fault, answered without."""
-
-    def make(name: str, fault: str | None = None, sha256: str | None = "0" * 64) -> Outcome:
-        if fault is not None:
-            refusal = Refusal(file=name, error=Failure(fault, "no, \u201cwhy\u201d"))
-            return Outcome(LocalFile(name), refusal.model_dump_json().encode(), sha256, fault)
-        record = {
-            "file": name,
-            "class": "ring",
-            "probability": 0.5,
-            "unknown": False,
-            "novelty": 1.0,
-            "scores": [{"class": "ring", "probability": 0.5, "score": 1.5}],
-            "model": {"name": "tiny", "sha256": "1" * 64},
-            "mesh": {"faces_in": 12, "resampled": "none", "watertight": True},
-            "timings_ms": {"read": 1.5},
-        }
-        content = json.dumps(record, separators=(",", ":")).encode()
-        return Outcome(LocalFile(name), content, sha256, None)
-
-    return make
+__all__ = ["browser", "chromium"]
 
 
 @pytest.fixture(scope="module")

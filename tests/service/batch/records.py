@@ -4,6 +4,9 @@ from meshconv3d.service.prediction import Failure, ModelId
 from meshconv3d.service.records import Answer, ClassScore, Refusal
 from tests.results import REPORT
 
+# A record, and the hash of the file's content.
+Added = tuple[Answer | Refusal, str | None]
+
 MODEL = ModelId(name="toys", sha256="0123456789abcdef" * 4)
 
 
@@ -31,3 +34,9 @@ def answer(
 
 def refusal(file: str, fault: str = "no-faces", message: str = "it holds no triangles") -> Refusal:
     return Refusal(file=file, error=Failure(fault, message))
+
+
+def added(name: str, fault: str | None = None, sha256: str | None = "0" * 64) -> Added:
+    """What an output is given of a file: refused with a fault, answered without."""
+    record = answer(name) if fault is None else refusal(name, fault, "no, \u201cwhy\u201d")
+    return record, sha256

@@ -3,7 +3,9 @@
 import os
 import subprocess
 import zipfile
+from collections import Counter
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -12,17 +14,23 @@ from threading import Thread
 import fsspec
 import pytest
 
-from meshconv3d.service.batch.listing import Choice, Listing, NotListed
-from meshconv3d.service.batch.sharding import Shard
+from meshconv3d.service.batch.files import LocalFile
+from meshconv3d.service.batch.listing import Choice, Listing, NotListed, Shard, told
 
 NAMES = ["a.obj", "a/b.STL", "a/b/c.ply", "a/d.obj", "a-b.obj", "b/e.off", "z.glb", "\u00e4.obj"]
+
+OTHERS = [
+    *("notes.txt", "a/no.json", "a/material.mtl", "picture.png"),  # beside meshes
+    *("a.fbx", "a/b.FBX", "b/c.step", "b/d.fbx", "STEP/e.stp"),  # of other formats
+    *("._a.obj", "a/._b.STL", "__MACOSX/._a.obj", "__MACOSX/a.obj", ".git/b.obj", ".c.fbx"),
+]
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Files of the names above, each holding its name, and others beside them."""
     folder = tmp_path_factory.mktemp("listing")
-    for name in [*NAMES, "notes.txt", "a/no.json"]:
+    for name in [*NAMES, *OTHERS]:
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_text(name)
     (folder / "empty").mkdir()
@@ -37,7 +45,7 @@ def anywhere(request: pytest.FixtureRequest, folder: Path, tmp_path: Path) -> It
         return
     if request.param == "zip":
         with zipfile.ZipFile(tmp_path / "all.zip", "w") as archive:
-            for name in [*NAMES, "notes.txt", "a/no.json"]:
+            for name in [*NAMES, *OTHERS]:
                 archive.write(folder / name, name)
         yield f"zip://::{tmp_path}/all.zip"
         return
@@ -50,7 +58,7 @@ def anywhere(request: pytest.FixtureRequest, folder: Path, tmp_path: Path) -> It
 
 
 def below(listing: Listing) -> list[str]:
-    return [entry.below for entry in listing]
+    return [file.below for file in listing]
 
 
 def test_all_meshes_in_the_order_of_their_paths(anywhere: str) -> None:
@@ -58,15 +66,41 @@ def test_all_meshes_in_the_order_of_their_paths(anywhere: str) -> None:
     expected = sorted(NAMES, key=lambda name: name.split("/"))
     assert below(listing) == expected
     assert below(listing) == expected  # walked anew
-    for entry in listing:
-        assert entry.read().decode() == entry.below
-        assert entry.size() == len(entry.below.encode())
+    for file in listing:
+        assert file.read().decode() == file.below
+        assert file.size() == len(file.below.encode())
+
+
+def test_files_of_other_formats_are_counted(anywhere: str) -> None:
+    """Each time that files are asked for; those that were not asked for are not."""
+    for _ in range(2):
+        others: Counter[str] = Counter()
+        assert len(list(Listing([anywhere]).files(others))) == len(NAMES)
+        assert told(others) == "5 files of other formats: .fbx 3, .step 1, .stp 1"
+    chosen: Counter[str] = Counter()
+    list(Listing([anywhere], Choice(exclude=["*.fbx", "*.FBX", "*.stp"])).files(chosen))
+    assert told(chosen) == "1 file of other formats: .step 1"
+    shards = Counter[str]()
+    for number in (1, 2, 3):
+        list(Listing([anywhere], Choice(shard=Shard(number, 3))).files(shards))
+    assert shards == others
+
+
+def test_hidden_files_are_found_where_they_are_named(folder: Path) -> None:
+    assert below(Listing([f"{folder}/._a.obj", f"{folder}/.git"])) == ["._a.obj", "b.obj"]
+
+
+def test_a_folder_of_other_formats_alone_says_so(folder: Path) -> None:
+    (folder / "STEP" / "f.fbx").touch()
+    with pytest.raises(NotListed, match=r"; there are 2 files of other formats: \.fbx 1, \.stp 1"):
+        Listing([f"{folder}/STEP"])
+    (folder / "STEP" / "f.fbx").unlink()
 
 
 def test_a_file_that_was_found_can_be_named(anywhere: str) -> None:
-    for entry in Listing([anywhere]):
-        (named,) = Listing([entry.name])
-        assert (named.name, named.read()) == (entry.name, entry.read())
+    for file in Listing([anywhere]):
+        (named,) = Listing([file.name])
+        assert (named.name, named.read()) == (file.name, file.read())
 
 
 @pytest.mark.parametrize(
@@ -107,7 +141,7 @@ def test_globs(folder: Path, glob: str, expected: list[str]) -> None:
 def test_a_glob_behind_a_url(bucket: str, folder: Path) -> None:
     fs, path = fsspec.url_to_fs(bucket)
     fs.put(f"{folder}/", f"{path}/globs/", recursive=True)
-    names = [entry.name for entry in Listing([f"{bucket}/globs/a/*.obj"])]
+    names = [file.name for file in Listing([f"{bucket}/globs/a/*.obj"])]
     assert names == [f"{bucket}/globs/a/d.obj"]
 
 
@@ -123,11 +157,11 @@ def test_a_folder_over_http_whose_listing_tells_no_sizes(folder: Path) -> None:
     with ThreadingHTTPServer(("127.0.0.1", 0), serve) as server:
         Thread(target=server.serve_forever).start()
         url = f"http://127.0.0.1:{server.server_port}"
-        entries = list(Listing([f"{url}/a/"]))
-        assert [entry.below for entry in entries] == ["b/c.ply", "b.STL", "d.obj"]
-        for entry in entries:
-            assert entry.read().decode() == f"a/{entry.below}"
-            assert entry.size() == len(entry.read())
+        files = list(Listing([f"{url}/a/"]))
+        assert [file.below for file in files] == ["b/c.ply", "b.STL", "d.obj"]
+        for file in files:
+            assert file.read().decode() == f"a/{file.below}"
+            assert file.size() == len(file.read())
         gone = next(iter(Listing([f"{url}/a/"])))
         server.shutdown()
     assert gone.size() == 0
@@ -161,7 +195,7 @@ def test_what_is_no_file_is_left_out_but_not_a_broken_link(tmp_path: Path) -> No
 
 
 def test_folders_however_deep(tmp_path: Path) -> None:
-    depth = 1500
+    depth = 1100  # more than Python recurses
     here = os.getcwd()
     os.chdir(tmp_path)
     try:
@@ -196,3 +230,23 @@ def test_a_file_that_has_become_a_pipe_keeps_nobody(tmp_path: Path) -> None:
     os.mkfifo(path)
     with pytest.raises(OSError, match="it is no file"):
         found.read()
+
+
+def test_a_file_is_the_same_from_any_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As a machine of a cluster has it."""
+    (tmp_path / "a.obj").write_text("content")
+    monkeypatch.chdir(tmp_path)
+    file = LocalFile.at("a.obj").shared()
+    monkeypatch.chdir("/")
+    assert (file.name, file.below, file.declared) == ("a.obj", "a.obj", ".obj")
+    assert (file.size(), file.read()) == (7, b"content")
+
+
+def test_a_machine_that_lacks_a_file_says_what_to_do(tmp_path: Path) -> None:
+    missing = LocalFile.at(str(tmp_path / "a.obj")).shared()
+    with pytest.raises(FileNotFoundError, match="No such file"):
+        missing.read()
+    with pytest.raises(FileNotFoundError, match=r"elsewhere has it and .* has not; put"):
+        replace(missing, host="elsewhere").read()

@@ -25,6 +25,6 @@ def test_a_terminal_that_is_not_utf8(
     status, sent = sent_to_terminal(
         *call, cwd=tmp_path, variables={"PYTHONIOENCODING": encoding, "COLUMNS": "200"}
     )
-    assert status == 1  # an OBJ is no PLY
+    assert status == 1  # that of one file: an OBJ is no PLY
     assert b"Traceback" not in sent
     assert b"?->ants.ply" in sent

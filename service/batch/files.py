@@ -1,0 +1,245 @@
+"""Mesh files to classify: of this machine, behind URLs, and on standard input.
+
+fsspec, which comes with an extra, is imported where a URL is used.
+"""
+
+import errno
+import os
+import socket
+import stat
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
+from pathlib import Path
+from typing import Any, Protocol
+
+from meshconv3d.model.loading import is_hidden, walk_files
+from meshconv3d.service.records import readable
+
+NO_FILE = "it is no file; pipe what it holds to -"
+
+
+class File(Protocol):
+    """A file that was listed. Small, and fit to be sent to other processes: the bytes are read
+    where they are needed."""
+
+    @property
+    def name(self) -> str:
+        """As its record has it."""
+        ...
+
+    @property
+    def below(self) -> str:
+        """Its path from where it was found, with slashes."""
+        ...
+
+    @property
+    def declared(self) -> str | None:
+        """What tells its format, if anything does."""
+        ...
+
+    def size(self) -> int:
+        """In bytes; 0 where that is not known before it is read."""
+        ...
+
+    def read(self) -> bytes:
+        """All of it. Raises OSError."""
+        ...
+
+
+@dataclass(frozen=True)
+class StandardInput:
+    """The one mesh that standard input holds."""
+
+    declared: str | None
+    name: str = "-"
+    below: str = "-"
+
+    def size(self) -> int:
+        return 0
+
+    def read(self) -> bytes:
+        return sys.stdin.buffer.read()
+
+
+@dataclass(frozen=True)
+class LocalFile:
+    """A file of this machine. host: where it was listed, if other machines may read it."""
+
+    path: str
+    name: str
+    below: str
+    declared: str | None
+    host: str | None = None
+
+    @classmethod
+    def at(cls, path: str, root: str | None = None, declared: str | None = None) -> "LocalFile":
+        """root: the folder in which it was found; None for a file that was named. declared: its
+        format, where that is not told by its name."""
+        below = os.path.relpath(path, root) if root else os.path.basename(path)
+        extension = declared or os.path.splitext(path)[1]
+        return cls(path, readable(path), readable(below), extension)
+
+    def shared(self) -> "LocalFile":
+        """For other machines, which have the same path but another current folder."""
+        return replace(self, path=os.path.join(os.getcwd(), self.path), host=socket.gethostname())
+
+    def size(self) -> int:
+        try:
+            return os.stat(self.path).st_size
+        except OSError:
+            return 0  # reading it says why
+
+    def read(self) -> bytes:
+        """Raises OSError, also for what is no file any more: reading a pipe might never end."""
+        try:
+            with open(self.path, "rb", opener=_at_once) as file:
+                if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+                    raise OSError(errno.EINVAL, NO_FILE)
+                return file.read()
+        except FileNotFoundError as error:
+            this = socket.gethostname()
+            if self.host in (None, this):
+                raise
+            raise FileNotFoundError(
+                error.errno,
+                f"{self.host} has it and {this} has not; put the files where every machine of the "
+                "cluster sees them by the same path, or name them by URLs",
+            ) from None
+
+
+def _at_once(path: str, flags: int) -> int:
+    return os.open(path, flags | os.O_NONBLOCK)
+
+
+@dataclass(frozen=True)
+class RemoteFile:
+    """A file behind a URL. url: that by which it was found. length: in bytes; None where the
+    listing does not tell, as over HTTP."""
+
+    url: str
+    path: str
+    name: str
+    below: str
+    length: int | None
+
+    @property
+    def declared(self) -> str | None:
+        return os.path.splitext(self.path)[1]
+
+    @cached_property
+    def _size(self) -> int | None:
+        if self.length is not None:
+            return self.length
+        fs, _ = filesystem(self.url)
+        with remote_errors():
+            return fs.size(self.path)
+
+    def size(self) -> int:
+        try:
+            return self._size or 0
+        except OSError:
+            return 0  # reading it says why
+
+    def read(self) -> bytes:
+        fs, _ = filesystem(self.url)
+        if self._size is None:
+            raise OSError(errno.EIO, "its server does not tell how large it is")
+        with remote_errors():
+            return fs.cat_file(self.path)
+
+
+def is_url(path: str) -> bool:
+    """Whether a path names its protocol, as `s3://bucket/folder` does."""
+    return "://" in path
+
+
+@cache
+def filesystem(url: str) -> tuple[Any, str]:
+    """The file system of a URL, as fsspec has it, and the path in it. Raises OSError."""
+    import fsspec
+
+    with remote_errors():
+        return fsspec.url_to_fs(url)
+
+
+@contextmanager
+def remote_errors() -> Iterator[None]:
+    """Within it, errors of fsspec's file systems, many of them of their own kinds, are OSErrors
+    with a text that can be shown."""
+    try:
+        yield
+    except FileNotFoundError as error:
+        raise OSError(errno.ENOENT, os.strerror(errno.ENOENT)) from error
+    except Exception as error:
+        text = getattr(error, "strerror", None) or f"{type(error).__name__}: {error}"
+        raise OSError(getattr(error, "errno", None) or errno.EIO, text) from error
+
+
+def exists(path: str) -> bool:
+    """Whether there is anything at a path or URL, be it a link that leads nowhere. Raises
+    OSError."""
+    if not is_url(path):
+        return os.path.lexists(path)
+    fs, inner = filesystem(path)
+    with remote_errors():
+        fs.invalidate_cache()
+        return fs.exists(inner)
+
+
+def is_folder(path: str) -> bool | None:
+    """What a path or URL names: True for a folder, False for a file, None for nothing. Raises
+    OSError."""
+    if is_url(path):
+        fs, inner = filesystem(path)
+        with remote_errors():
+            return True if fs.isdir(inner) else False if fs.exists(inner) else None
+    if os.path.exists(path) and not os.path.isdir(path) and not os.path.isfile(path):
+        raise OSError(errno.EINVAL, NO_FILE)  # a device may have no end, a pipe can be read once
+    return os.path.isdir(path) if os.path.exists(path) else None
+
+
+def file_at(path: str, declared: str | None = None) -> File:
+    """The file that a path or URL names. Raises OSError."""
+    if not is_url(path):
+        return LocalFile.at(path, declared=declared)
+    fs, inner = filesystem(path)
+    with remote_errors():
+        info = fs.info(inner)
+    return RemoteFile(path, info["name"], path, inner.rpartition("/")[2], info["size"])
+
+
+def walk(folder: str) -> Iterator[File]:
+    """All files under a folder or a URL but hidden ones, one by one, sorted by path. Raises
+    OSError."""
+    if not is_url(folder):
+        return (LocalFile.at(str(path), folder) for path in walk_files(Path(folder)))
+    return _walk_remote(folder)
+
+
+def _walk_remote(folder: str) -> Iterator[RemoteFile]:
+    fs, root = filesystem(folder)
+    _, chain, outer = folder.partition("::")  # of a file in an archive, where the archive lies
+    with remote_errors():
+        levels = [_listed(fs, root)]
+        while levels:
+            for info in levels[-1]:
+                path = info["name"]
+                if info["type"] == "directory":
+                    levels.append(_listed(fs, path))
+                    break
+                below = path.removeprefix(root).lstrip("/")
+                url = f"{fs.unstrip_protocol(path)}{chain}{outer}"
+                yield RemoteFile(folder, path, url, below, info["size"])
+            else:
+                levels.pop()
+
+
+def _listed(fs: Any, folder: str) -> Iterator[dict[str, Any]]:
+    """What fsspec knows of each file and folder in a folder, but of hidden ones, sorted."""
+    found = {info["name"].rstrip("/"): info for info in fs.ls(folder, detail=True)}
+    fs.invalidate_cache(folder)  # which would grow with every folder
+    found.pop(folder.rstrip("/"), None)  # an object store may have an object in place of a folder
+    return iter(found[name] for name in sorted(found) if not is_hidden(name.rpartition("/")[2]))

@@ -1,0 +1,227 @@
+"""One page to look over the results of a batch: no server, no network, nothing beside it.
+
+A report takes one record after the other and keeps a bounded part of them; `write_page` writes that
+into the templates in `templates/`. Needs the extra `report`; `service.picture` draws the meshes.
+"""
+
+import base64
+import hashlib
+import heapq
+import itertools
+from collections import Counter, defaultdict
+from dataclasses import dataclass, field
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup
+
+from meshconv3d.service.output_files import replacing
+from meshconv3d.service.prediction import ModelId
+from meshconv3d.service.records import Answer, Refusal
+
+# With a picture each, these make a page of 16 MB; see docs/batch-report.md.
+MOST_SHOWN = 10_000
+# Refused files of one fault that are named; the rest is counted.
+MOST_NAMED = 500
+# Slowest files that are named.
+SLOWEST = 20
+# Bars of the histogram, each 5 % wide.
+BINS = 20
+# Classes of a file that the page names.
+LIKELIEST = 3
+
+TEMPLATES = Path(__file__).parent / "templates"
+# Entries of the page that are written at once.
+BUFFERED = 200
+
+
+@dataclass(frozen=True)
+class Shown:
+    """One classified file, as the page needs it. likeliest: the first classes, with their
+    probabilities; of an unknown file, the nearest. milliseconds: of all stages; picture: PNG, or
+    None."""
+
+    file: str
+    unknown: bool
+    likeliest: list[tuple[str, float]]
+    faces: int
+    milliseconds: float
+    picture: bytes | None
+
+    @classmethod
+    def of(cls, answer: Answer, picture: bytes | None) -> "Shown":
+        """What the page needs of an answer, and no more: a report holds thousands."""
+        return cls(
+            answer.file or "-",
+            bool(answer.unknown),
+            [(score.class_, score.probability) for score in answer.scores[:LIKELIEST]],
+            answer.mesh.faces_in,
+            round(sum(answer.timings_ms.values()), 1),
+            picture,
+        )
+
+    def entry(self) -> dict[str, Any]:
+        """As the page's script reads it."""
+        picture = self.picture and base64.b64encode(self.picture).decode()
+        return vars(self) | {"picture": picture}
+
+
+class Gallery:
+    """At most `most` files. What does not fit are the surest of the classes with most files, so
+    that the doubtful ones and small classes stay; the unknown ones count as a class."""
+
+    def __init__(self, most: int) -> None:
+        self.most = most
+        self._held = 0
+        self._order = itertools.count()
+        # By class, the surest first: (-probability, order of arrival, file).
+        self._classes: dict[str | None, list[tuple[float, int, Shown]]] = defaultdict(list)
+
+    def add(self, file: Shown) -> None:
+        """Take a file, and let one go where that makes too many."""
+        label, probability = file.likeliest[0]
+        key = None if file.unknown else label
+        heapq.heappush(self._classes[key], (-probability, next(self._order), file))
+        self._held += 1
+        if self._held > self.most:
+            heapq.heappop(max(self._classes.values(), key=len))
+            self._held -= 1
+
+    def least_certain_first(self) -> list[Shown]:
+        """The files that are held."""
+        held = (entry for files in self._classes.values() for entry in files)
+        return [file for _, _, file in sorted(held, key=lambda entry: (-entry[0], entry[1]))]
+
+
+@dataclass
+class Fault:
+    """Files that were refused for one reason. named: the first of them."""
+
+    files: int = 0
+    named: list[Refusal] = field(default_factory=list)
+
+
+class Report:
+    """What a batch came to, taken one record after the other.
+
+    Holds the counts of all files, up to `most_shown` classified ones with their pictures,
+    MOST_NAMED refused ones for each fault, and the SLOWEST: some 20 MB, however many there are.
+    """
+
+    def __init__(self, model: ModelId, source: str, most_shown: int = MOST_SHOWN) -> None:
+        """source: what was classified, in words of the user's, such as the folders."""
+        self.model = model
+        self.source = source
+        self.unknown = 0
+        self.classes: Counter[str] = Counter()  # without the unknown files
+        self.histogram = [0] * BINS  # of these files, by probability
+        self.faults: dict[str, Fault] = defaultdict(Fault)
+        self.gallery = Gallery(most_shown)
+        self._order = itertools.count()
+        self._slowest: list[tuple[float, int, str, dict[str, float]]] = []
+
+    def add(self, record: Answer | Refusal, picture: bytes | None = None) -> None:
+        """Take the record of one file, and its picture where there is one (`service.picture`)."""
+        if isinstance(record, Refusal):
+            fault = self.faults[record.error.fault]
+            fault.files += 1
+            if len(fault.named) < MOST_NAMED:
+                fault.named.append(record)
+            return
+        if record.unknown:
+            self.unknown += 1
+        else:
+            self.classes[record.class_] += 1
+            self.histogram[min(int(record.probability * BINS), BINS - 1)] += 1
+        self.gallery.add(Shown.of(record, picture))
+        timings = record.timings_ms
+        slow = (sum(timings.values()), next(self._order), record.file or "-", timings)
+        heapq.heappush(self._slowest, slow)
+        if len(self._slowest) > SLOWEST:
+            heapq.heappop(self._slowest)
+
+    @property
+    def classified(self) -> int:
+        """Files with a class that is not only the nearest."""
+        return self.classes.total()
+
+    @property
+    def refused(self) -> int:
+        """Files without an answer."""
+        return sum(fault.files for fault in self.faults.values())
+
+    @property
+    def files(self) -> int:
+        """All."""
+        return self.classified + self.unknown + self.refused
+
+    @property
+    def slowest(self) -> list[tuple[str, dict[str, float]]]:
+        """The files that took longest, slowest first, with their timings_ms."""
+        return [(file, timings) for _, _, file, timings in sorted(self._slowest, reverse=True)]
+
+
+def write_page(report: Report, path: Path, seconds: float) -> None:
+    """Write the page of a report, whole or not at all. seconds: how long the batch took.
+
+    Names in it are only text. Raises OSError where it cannot be written.
+    """
+    environment = Environment(
+        loader=FileSystemLoader(TEMPLATES),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters.update(count=_count, duration=_duration)
+    style, script = ((TEMPLATES / name).read_text("utf-8") for name in ("style.css", "script.js"))
+    files = report.gallery.least_certain_first()
+    stream = environment.get_template("page.html").stream(
+        report=report,
+        seconds=seconds,
+        written=datetime.now().astimezone(),
+        bins=BINS,
+        files=(file.entry() for file in files),
+        without_picture=sum(file.picture is None for file in files),
+        style=Markup(style),
+        script=Markup(script),
+        policy=_policy(style, script),
+    )
+    stream.enable_buffering(BUFFERED)
+    with replacing(path) as file:
+        stream.dump(file, "utf-8")
+
+
+def _policy(style: str, script: str) -> str:
+    """A Content-Security-Policy: this style, this script, pictures in the page, and no more."""
+    return "; ".join(
+        (
+            "default-src 'none'",
+            f"script-src {_digest(script)}",
+            f"style-src {_digest(style)}",
+            "img-src data:",
+            "base-uri 'none'",
+            "form-action 'none'",
+        )
+    )
+
+
+def _digest(source: str) -> str:
+    return f"'sha256-{base64.b64encode(hashlib.sha256(source.encode()).digest()).decode()}'"
+
+
+def _count(number: int) -> str:
+    """With a narrow space between thousands."""
+    return f"{number:,}".replace(",", "\u202f")
+
+
+def _duration(seconds: float) -> str:
+    """As people say it: 4.2 s, 3 min 20 s, 2 h 5 min."""
+    if seconds < 60:
+        return f"{seconds:.1f} s"
+    minutes, rest = divmod(round(seconds), 60)
+    if minutes < 60:
+        return f"{minutes} min {rest} s"
+    return f"{minutes // 60} h {minutes % 60} min"

@@ -1,0 +1,286 @@
+"""Journals: records are kept in one as they come, so that a run can go on however it ended.
+
+A journal is JSON Lines: of this machine one file, behind a URL a folder of parts.
+"""
+
+import errno
+import fcntl
+import hashlib
+import os
+import sqlite3
+import time
+from collections.abc import Callable, Collection, Iterator
+from pathlib import Path
+from typing import BinaryIO, Protocol, TypeAlias
+
+from pydantic import TypeAdapter
+
+from meshconv3d.service.batch.files import filesystem, remote_errors
+from meshconv3d.service.output_files import errors_naming, open_to_append, replacing
+from meshconv3d.service.records import Answer, Refusal
+
+# Object stores cannot append: lines go there in parts, of so many or after so many seconds.
+PART_LINES = 1000
+PART_SECONDS = 10.0
+
+# Faults that another attempt may not find: they depend on the machine as much as on the file.
+PASSING = frozenset({"deadline", "internal", "too-much-memory", "worker-crashed"})
+
+# How the line of a record begins, and the most bytes that one may have.
+RECORD_START = b'{"file":'
+LONGEST_LINE = 64 * 2**20
+
+
+class AnswerEntry(Answer):
+    """An answer in an output. sha256: of the file's content; run: see `run_id`."""
+
+    file: str
+    sha256: str
+    run: str
+
+
+class RefusalEntry(Refusal):
+    """A refusal in an output. sha256: None if the file could not be read."""
+
+    file: str
+    sha256: str | None
+    run: str
+
+
+Entry: TypeAlias = AnswerEntry | RefusalEntry
+_ENTRY: TypeAdapter[Entry] = TypeAdapter(Entry)
+
+
+class NotWritten(ValueError):
+    """An output cannot be written as it was asked for; the message says what to do."""
+
+
+class InUse(OSError):
+    """Another process writes the same journal."""
+
+
+def entry(record: Answer | Refusal, sha256: str | None, run: str) -> Entry:
+    """The entry of a record. Raises ValueError for an answer without a hash."""
+    return _ENTRY.validate_python(dict(record) | {"sha256": sha256, "run": run})
+
+
+def is_settled(found: Entry) -> bool:
+    """Whether another attempt would give the same record."""
+    return found.sha256 is not None and fault_of(found) not in PASSING
+
+
+def fault_of(record: Answer | Refusal) -> str | None:
+    """Why a file was not classified; None if it was."""
+    return record.error.fault if isinstance(record, Refusal) else None
+
+
+def parse_line(line: bytes) -> Entry:
+    """The entry on a line of a journal. Raises ValueError."""
+    return _ENTRY.validate_json(line)
+
+
+def is_kept(line: bytes, number: int, run: str, path: str) -> bool:
+    """Whether a line of a journal stays as a run goes on. number, path: where it is.
+
+    Raises NotWritten for what another run or program has written, and for what is damaged.
+    """
+    content = line.rstrip(b"\0")  # which a file may end with that was written as the power went
+    whole = line.endswith(b"\n") or len(line) == LONGEST_LINE
+    if not whole and content.startswith(RECORD_START[: len(content)]):
+        return False  # the process was killed as it wrote it
+    if line.isspace():
+        return False
+    try:
+        found = parse_line(line)
+    except ValueError:
+        raise NotWritten(
+            f"{path}: line {number} is no record of this command, or damaged; take that line out, "
+            "or name another file"
+        ) from None
+    if found.run != run:
+        raise NotWritten(
+            f"{path} was written by another model, or with another --top or other limits: resume "
+            "with the same, or name another file"
+        )
+    return is_settled(found)
+
+
+class Journal(Protocol):
+    """Lines that are added one by one, and found again after any end of the process."""
+
+    def recover(self, keep: Callable[[bytes], bool]) -> None:
+        """Drop the lines that are not to be kept. Raises what `keep` raises, and then all are."""
+        ...
+
+    def __iter__(self) -> Iterator[bytes]:
+        """All lines; the last one may have been cut off, and none has over LONGEST_LINE bytes."""
+        ...
+
+    def add(self, line: bytes) -> None:
+        """Add a line, with its end. Raises OSError."""
+        ...
+
+    def close(self) -> None:
+        """Write what is still held. Raises OSError."""
+        ...
+
+    def remove(self) -> None:
+        """Remove it, once it is closed. Raises OSError."""
+        ...
+
+
+class LocalJournal:
+    """One file. A line is with the system as soon as it was added."""
+
+    def __init__(self, path: Path) -> None:
+        """Create it, or go on with it. Raises OSError, InUse."""
+        path.parent.mkdir(parents=True, exist_ok=True)
+        self._path = path
+        self._file = open_to_append(path)
+        _lock(self._file, path)
+        if not os.path.samestat(os.fstat(self._file.fileno()), path.lstat()):
+            raise _in_use(path)  # it was replaced before it was locked
+
+    def recover(self, keep: Callable[[bytes], bool]) -> None:
+        """See `Journal`."""
+        with replacing(self._path) as fresh:
+            _lock(fresh, self._path)
+            fresh.writelines(filter(keep, self))
+            kept = os.dup(fresh.fileno())  # with its lock
+        self._file.close()
+        self._file = open(kept, "r+b")  # noqa: SIM115 (open until closed)
+
+    def __iter__(self) -> Iterator[bytes]:
+        with self._path.open("rb") as file:
+            yield from iter(lambda: file.readline(LONGEST_LINE), b"")
+
+    def add(self, line: bytes) -> None:
+        """See `Journal`."""
+        with errors_naming(self._path):
+            self._file.write(line)
+            self._file.flush()
+
+    def close(self) -> None:
+        """See `Journal`."""
+        with errors_naming(self._path), self._file:
+            os.fsync(self._file.fileno())
+
+    def remove(self) -> None:
+        """See `Journal`."""
+        self._path.unlink()
+
+
+class RemoteJournal:
+    """A folder behind a URL, of parts that are written whole.
+
+    To append as fsspec offers it would lose records: gcsfs replaces the file instead. A process
+    that is killed loses the part that it was gathering, whose files are then classified again.
+    """
+
+    def __init__(self, url: str) -> None:
+        """Create it, or go on with it. Raises OSError."""
+        self._fs, self._folder = filesystem(url)
+        self._gathered: list[bytes] = []
+        self._since = time.monotonic()
+        with remote_errors():
+            self._fs.invalidate_cache()
+            self._parts = sorted(self._fs.glob(f"{self._folder}/*.jsonl"))
+        last = self._parts[-1].rpartition("/")[2] if self._parts else ""
+        self._next = int(last.removesuffix(".jsonl") or -1) + 1
+
+    def recover(self, keep: Callable[[bytes], bool]) -> None:
+        """See `Journal`."""
+        for part in self._parts:
+            lines = self._lines(part)
+            kept = list(filter(keep, lines))
+            if len(kept) < len(lines):
+                self._write(part, kept)
+
+    def __iter__(self) -> Iterator[bytes]:
+        for part in self._parts:
+            yield from self._lines(part)
+
+    def _lines(self, part: str) -> list[bytes]:
+        with remote_errors():
+            return self._fs.cat_file(part).splitlines(keepends=True)
+
+    def _write(self, part: str, lines: list[bytes]) -> None:
+        with remote_errors():
+            self._fs.pipe_file(part, b"".join(lines))
+
+    def add(self, line: bytes) -> None:
+        """See `Journal`."""
+        self._gathered.append(line)
+        late = time.monotonic() - self._since > PART_SECONDS
+        if late or len(self._gathered) >= PART_LINES:
+            self.close()
+
+    def close(self) -> None:
+        """See `Journal`."""
+        if self._gathered:
+            part = f"{self._folder}/{self._next:08}.jsonl"
+            self._write(part, self._gathered)
+            self._parts.append(part)
+            self._next += 1
+        self._gathered = []
+        self._since = time.monotonic()
+
+    def remove(self) -> None:
+        """See `Journal`."""
+        with remote_errors():
+            self._fs.rm(self._folder, recursive=True)
+
+
+def _lock(file: BinaryIO, path: Path) -> None:
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise _in_use(path) from None
+
+
+def _in_use(path: Path) -> InUse:
+    return InUse(f"another process writes {path}: wait until it ends, or name another output")
+
+
+class Done:
+    """The files that are done, by name and content. On disk: memory is for what is not done."""
+
+    def __init__(self) -> None:
+        # Without a name: a database that only this process sees, and that goes with it.
+        self._files = sqlite3.connect("", isolation_level=None)
+        self._execute("PRAGMA journal_mode = OFF")
+        self._execute("CREATE TABLE times (name BLOB PRIMARY KEY, times INTEGER)")
+        self._execute("CREATE TABLE contents (name BLOB, sha256 TEXT, UNIQUE (name, sha256))")
+
+    def add(self, name: str, content: str) -> None:
+        """Note a file, by its name and the SHA-256 of its content."""
+        key = _key(name)
+        self._execute(
+            "INSERT INTO times VALUES (?, 1) ON CONFLICT DO UPDATE SET times = times + 1", key
+        )
+        self._execute("INSERT OR IGNORE INTO contents VALUES (?, ?)", key, content)
+
+    def take(self, name: str) -> Collection[str]:
+        """The contents with which the next file of this name is done.
+
+        Given once for each time that the name was noted: a file may have been named twice, and
+        then has two records.
+        """
+        key = _key(name)
+        taken = self._execute(
+            "UPDATE times SET times = times - 1 WHERE name = ? AND times > 0", key
+        )
+        if taken.rowcount == 0:
+            return ()
+        found = self._execute("SELECT sha256 FROM contents WHERE name = ?", key)
+        return {content for (content,) in found}
+
+    def _execute(self, statement: str, *values: bytes | str) -> sqlite3.Cursor:
+        try:
+            return self._files.execute(statement, values)
+        except sqlite3.Error as error:
+            raise OSError(errno.EIO, f"no room for a temporary database: {error}") from None
+
+
+def _key(name: str) -> bytes:
+    return hashlib.sha256(name.encode()).digest()[:16]

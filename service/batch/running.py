@@ -1,0 +1,255 @@
+"""Files to results: each is read, hashed and classified, in this process or in worker processes;
+in those of several machines, see `ray_engine`.
+
+An executor knows neither where files come from nor where results go.
+"""
+
+import hashlib
+import json
+import logging
+import threading
+from collections import Counter, deque
+from collections.abc import Callable, Collection, Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field
+from typing import Protocol, Self, TypeVar
+
+from meshconv3d.model.errors import MeshError, UnusableMesh
+from meshconv3d.model.loading import Limits
+from meshconv3d.service.batch.files import File
+from meshconv3d.service.prediction import Failure, Prediction, Result
+from meshconv3d.service.workers import DeadlineExceeded, Task, TaskFailed, ThreadedPool
+
+log = logging.getLogger(__name__)
+
+# Files that are read or wait for each worker, so that it never waits for one: the way to an
+# object store takes many times what classifying takes. And how many bytes of them are held.
+HELD_FOR_EACH = 16
+HELD_BYTES = 512 * 2**20
+
+# Files that have begun, or wait to, and whose results were not given yet. One that takes its whole
+# deadline holds back the results of this many after it.
+AHEAD = 1024
+
+Item = TypeVar("Item")
+T = TypeVar("T")
+
+# Raises MeshError, DeadlineExceeded or TaskFailed.
+Classify = Callable[[Task], Prediction]
+# With which contents, by their SHA-256, the next file of this name need not be classified (again).
+# Asked for each file once, before it is read.
+DoneAs = Callable[[str], Collection[str]]
+
+
+class ExecutorFailed(Exception):
+    """An executor cannot go on; the message says why. The results that it gave stand."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """Of every file. model: name of one that has been opened. bytes: larger files are not read."""
+
+    model: str
+    bytes: int
+
+
+@dataclass(frozen=True)
+class FileResult:
+    """Result of one file. sha256: of its content; None if it was not read."""
+
+    file: File
+    result: Result
+    sha256: str | None
+
+    @property
+    def fault(self) -> str | None:
+        """Why it was not classified; None if it was."""
+        return self.result.fault if isinstance(self.result, Failure) else None
+
+    @property
+    def picture(self) -> bytes | None:
+        """A PNG of the mesh, where pictures are drawn."""
+        return self.result.picture if isinstance(self.result, Prediction) else None
+
+
+@dataclass
+class Tally:
+    """Counts. classified: with a prediction. refused: by fault. earlier: those of both that an
+    earlier run has left."""
+
+    classified: int = 0
+    refused: Counter[str] = field(default_factory=Counter)
+    earlier: int = 0
+
+    def add(self, fault: str | None) -> None:
+        """Count one file. fault: why it was not classified; None if it was."""
+        if fault is None:
+            self.classified += 1
+        else:
+            self.refused[fault] += 1
+
+    @property
+    def files(self) -> int:
+        """All of them."""
+        return self.classified + self.refused.total()
+
+    def reasons(self) -> str:
+        """The faults, the commonest first: "no-faces 2, deadline 1"."""
+        return ", ".join(f"{fault} {count}" for fault, count in self.refused.most_common())
+
+
+def run_id(model_sha256: str, top: int | None, limits: Limits) -> str:
+    """What a record depends on beside the file, as 16 hexadecimal digits."""
+    parts = {"model": model_sha256, "top": top, "limits": asdict(limits)}
+    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:16]
+
+
+class Executor(Protocol):
+    """Turns files into results, within bounds on what is held, whatever comes."""
+
+    def results(
+        self, files: Iterable[File], options: Options, done_as: DoneAs
+    ) -> Iterator[FileResult]:
+        """The result of each file that is not done, in their order."""
+        ...
+
+    def __enter__(self) -> Self: ...
+
+    def __exit__(self, *_: object) -> None: ...
+
+
+class SerialExecutor:
+    """In this process. For a few files: worker processes take seconds to start. A file that breaks
+    its reader breaks this process."""
+
+    def __init__(self, classify: Classify) -> None:
+        self._classify = classify
+
+    def results(
+        self, files: Iterable[File], options: Options, done_as: DoneAs
+    ) -> Iterator[FileResult]:
+        """See `Executor`."""
+        for file in files:
+            result = classify_file(file, options, self._classify, done_as(file.name))
+            if result is not None:
+                yield result
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        pass
+
+
+class PoolExecutor:
+    """In the processes of a pool that has started; it is stopped at the end.
+
+    A thread for each file on its way reads it, and waits for its worker: so what is held is
+    bounded by the number of threads, and by their bytes.
+    """
+
+    def __init__(self, pool: ThreadedPool, workers: int) -> None:
+        self._pool = pool
+        self._threads = ThreadPoolExecutor(workers * HELD_FOR_EACH, "batch")
+        self._budget = Budget(HELD_BYTES)
+
+    def results(
+        self, files: Iterable[File], options: Options, done_as: DoneAs
+    ) -> Iterator[FileResult]:
+        """See `Executor`."""
+
+        def begin(file: File) -> Future[FileResult | None]:
+            return self._threads.submit(self._result, file, options, done_as(file.name))
+
+        return filter(None, in_order(begin, files))
+
+    def _result(self, file: File, options: Options, done: Collection[str]) -> FileResult | None:
+        with self._budget.held(min(file.size(), options.bytes)):
+            return classify_file(file, options, self._classify, done)
+
+    def _classify(self, task: Task) -> Prediction:
+        return self._pool.submit(task).result()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._threads.shutdown(wait=False, cancel_futures=True)
+        self._pool.close()
+
+
+def classify_file(
+    file: File, options: Options, classify: Classify, done: Collection[str]
+) -> FileResult | None:
+    """The result of one file, whatever the file is; None for one that is done: see `DoneAs`."""
+    sha256 = None
+    try:
+        _check_size(file.size(), options.bytes)
+        content = file.read()
+        sha256 = hashlib.sha256(content).hexdigest()
+        if sha256 in done:
+            return None
+        prediction = classify(Task(options.model, content, file.name, file.declared))
+        return FileResult(file, prediction, sha256)
+    except (MeshError, OSError) as error:
+        return FileResult(file, Failure.of(error), sha256)
+    except MemoryError:
+        message = "classifying it takes more memory than there is; simplify the mesh or split it up"
+        return FileResult(file, Failure("too-much-memory", message), sha256)
+    except DeadlineExceeded:
+        message = "classifying it took longer than the deadline; simplify the mesh, or allow more"
+        return FileResult(file, Failure("deadline", message), sha256)
+    except TaskFailed as error:
+        log.error("one mesh failed: %s", error)
+        message = "classifying it failed for an unknown reason; report it, with the file"
+        return FileResult(file, Failure("internal", message), sha256)
+
+
+def _check_size(size: int, most: int) -> None:
+    if size > most:
+        raise UnusableMesh(
+            "too-much-memory",
+            f"the file has {size} bytes, more than the {most} bytes of memory that one mesh is "
+            "allowed; simplify the mesh or split it up",
+        )
+
+
+def in_order(
+    begin: Callable[[Item], Future[T]], items: Iterable[Item], ahead: int = AHEAD
+) -> Iterator[T]:
+    """Results of work that runs elsewhere, in the order of the items; of at most `ahead` items
+    none is given yet."""
+    begun: deque[Future[T]] = deque()
+    for item in items:
+        begun.append(begin(item))
+        while begun and (begun[0].done() or len(begun) >= ahead):
+            yield begun.popleft().result()
+    while begun:
+        yield begun.popleft().result()
+
+
+class Budget:
+    """Bytes that all threads may hold together: one that brings more than is left waits.
+
+    What is larger than all of it is taken alone.
+    """
+
+    def __init__(self, most: int) -> None:
+        self._most = most
+        self._free = most
+        self._changed = threading.Condition()
+
+    @contextmanager
+    def held(self, size: int) -> Iterator[None]:
+        """Hold so many bytes, once there is room for them."""
+        size = min(size, self._most)
+        with self._changed:
+            self._changed.wait_for(lambda: self._free >= size)
+            self._free -= size
+        try:
+            yield
+        finally:
+            with self._changed:
+                self._free += size
+                self._changed.notify_all()

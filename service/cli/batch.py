@@ -1,0 +1,201 @@
+"""`meshconv3d batch`: folders of any size in, one output file out, safe from any interruption."""
+
+import os
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from meshconv3d.service.cli.setup import (
+    list_files,
+    load_classifier,
+    model_option,
+    pool_executor,
+    read_settings,
+    top_option,
+    usage_errors,
+    worker_setup,
+)
+
+if TYPE_CHECKING:
+    from meshconv3d.service.batch.listing import Choice, Listing
+    from meshconv3d.service.batch.outputs import Output
+    from meshconv3d.service.batch.running import Executor
+    from meshconv3d.service.prediction import ModelId
+    from meshconv3d.service.settings import Settings
+
+
+@click.command()
+@click.argument("paths", nargs=-1, required=True, metavar="PATH...")
+@click.option(
+    "-o",
+    "--output",
+    "file",
+    required=True,
+    metavar="FILE",
+    help="Write the records to FILE.jsonl, .csv or .parquet.",
+)
+@click.option("--resume", is_flag=True, help="Go on with an output that was interrupted.")
+@model_option
+@top_option
+@click.option(
+    "--include",
+    multiple=True,
+    metavar="GLOB",
+    help="Of folders, only files that fit; a GLOB with a / is held against the path below PATH.",
+)
+@click.option("--exclude", multiple=True, metavar="GLOB", help="Of folders, not those that fit.")
+@click.option("--shard", metavar="I/N", help="Only part I of N, the same one on every machine.")
+@click.option(
+    "--workers",
+    type=click.IntRange(1, 256),
+    help="Processes that classify. [default: one for each usable core]",
+)
+@click.option(
+    "--ray",
+    "address",
+    metavar="ADDRESS",
+    help="Classify over the Ray cluster at HOST:PORT, the one that is found (auto), or one that "
+    "starts on this machine (local).",
+)
+@click.option(
+    "--sort-into",
+    "folder",
+    type=click.Path(file_okay=False, path_type=Path),
+    metavar="DIR",
+    help="Link or copy each file into DIR/CLASS, DIR/unknown or DIR/refused.",
+)
+@click.option(
+    "--report",
+    "page",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="FILE",
+    help="Write one page to FILE.html to look all results over, with pictures.",
+)
+@click.pass_context
+def batch(
+    ctx: click.Context,
+    paths: tuple[str, ...],
+    file: str,
+    resume: bool,
+    model: str | None,
+    top: int | None,
+    include: tuple[str, ...],
+    exclude: tuple[str, ...],
+    shard: str | None,
+    workers: int | None,
+    address: str | None,
+    folder: Path | None,
+    page: Path | None,
+) -> None:
+    """Classify folders of any size into one file, which no interruption damages.
+
+    A PATH is a file, a folder, which is searched recursively, a glob in quotes, or a URL such as
+    s3://bucket/folder. Records are in the order of the input; a file that cannot be used is one
+    with its reason. After an interruption, the same call with --resume goes on. Exits with 0 if
+    every file was classified, 1 if some were not, 2 if the call itself is wrong.
+    """
+    from meshconv3d.service.batch.listing import told
+    from meshconv3d.service.batch.outputs import Output
+    from meshconv3d.service.batch.resume import NotWritten
+    from meshconv3d.service.batch.running import ExecutorFailed, Options, run_id
+    from meshconv3d.service.batch.sort import SortedFolder
+    from meshconv3d.service.cli.terminal import Progress
+    from meshconv3d.service.records import record
+
+    listing = list_files(paths, _choice(include, exclude, shard))
+    _check(listing, folder, page)
+    with usage_errors(NotWritten, option="--output"):
+        output = Output(file, resume)
+    settings = read_settings({"workers": workers})
+    if page is not None:
+        from meshconv3d.service.batch.report import Report, write_page
+    model_id, executor = _executor(model, settings, workers, address, page is not None)
+    report = None if page is None else Report(model_id, ", ".join(paths))
+    sorted_folder = None if folder is None else SortedFolder(folder)
+    options = Options(model_id.name, settings.worker_memory_bytes)
+    others: Counter[str] = Counter()
+    with executor:
+        with usage_errors(NotWritten, option="--output"):
+            for earlier in output.begin(run_id(model_id.sha256, top, settings.limits)):
+                if report is not None:
+                    report.add(earlier)
+        progress = Progress(listing, output.tally)
+        try:
+            with output, progress:
+                for one in executor.results(listing.files(others), options, output.done_as):
+                    found = record(one.file.name, one.result, top)
+                    if sorted_folder is not None:
+                        sorted_folder.place(one)
+                    if report is not None:
+                        report.add(found, one.picture)
+                    # Last: a run that is killed and goes on has all in the folder and the report.
+                    output.add(found, one.sha256)
+                    progress.update()
+        except (KeyboardInterrupt, OSError):
+            _say_how_to_go_on(output)
+            raise
+        except ExecutorFailed as error:
+            _say_how_to_go_on(output)
+            raise click.ClickException(str(error)) from None
+    if report is not None and page is not None:
+        write_page(report, page, progress.seconds)
+    click.echo(progress.summary(), err=True)
+    if others:
+        click.echo(told(others), err=True)
+    ctx.exit(1 if output.tally.refused else 0)
+
+
+def _choice(include: Sequence[str], exclude: Sequence[str], shard: str | None) -> "Choice":
+    from meshconv3d.service.batch.listing import Choice, Shard
+
+    with usage_errors(ValueError, option="--shard"):
+        return Choice(include, exclude, None if shard is None else Shard.parse(shard))
+
+
+def _check(listing: "Listing", folder: Path | None, page: Path | None) -> None:
+    """Usage errors: standard input; a folder to sort into that would itself be classified; a report
+    that would replace something else than a page, or cannot be written once all is done."""
+    from meshconv3d.service.batch.listing import STDIN
+    from meshconv3d.service.batch.sort import DEPTHS
+
+    for place in listing.places:
+        if place.path == STDIN:
+            raise click.UsageError("batch is for files; standard input: meshconv3d classify -")
+        if folder is not None and any(place.may_find(folder, depth) for depth in DEPTHS):
+            raise click.UsageError(
+                f"--sort-into {folder} lies in {place.path}, and would be classified the next "
+                "time: name a folder beside it"
+            )
+    if page is not None and page.suffix.lower() != ".html":
+        raise click.UsageError(f"--report {page} does not end with .html: name a page")
+    if page is not None and not (page.parent.is_dir() and os.access(page.parent, os.W_OK)):
+        raise click.UsageError(
+            f"--report {page} cannot be written: {page.parent} is no folder that you may write to"
+        )
+
+
+def _executor(
+    model: str | None,
+    settings: "Settings",
+    workers: int | None,
+    address: str | None,
+    pictured: bool,
+) -> "tuple[ModelId, Executor]":
+    if address is None:
+        return pool_executor(model, settings, pictured)
+    from meshconv3d.service.batch.ray_engine import RayExecutor
+    from meshconv3d.service.batch.running import ExecutorFailed
+
+    classifier = load_classifier(model)
+    setup = worker_setup(model, settings, pictured)
+    try:
+        return classifier.model.id, RayExecutor(setup, workers, address)
+    except ExecutorFailed as error:
+        raise click.ClickException(str(error)) from None
+
+
+def _say_how_to_go_on(output: "Output") -> None:
+    click.echo(f"{output.journal_path} has what is done: go on with it by --resume", err=True)

@@ -1,0 +1,190 @@
+"""The executor over a Ray cluster: what it gives, whatever becomes of the nodes."""
+
+import json
+import os
+import subprocess
+import time
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, field
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from meshconv3d.model.loading import Limits
+from meshconv3d.service.batch.files import File
+from meshconv3d.service.batch.listing import Listing
+from meshconv3d.service.batch.running import (
+    ExecutorFailed,
+    FileResult,
+    Options,
+    SerialExecutor,
+)
+from meshconv3d.service.classifier import Classifier
+from meshconv3d.service.models import ModelFile
+from meshconv3d.service.records import record
+from meshconv3d.service.workers import Setup, predict
+from tests.commands import PROGRAM, environment
+
+pytest.importorskip("ray", reason="needs the extra `ray`")
+
+import ray
+from ray.cluster_utils import Cluster
+
+from meshconv3d.service.batch.ray_engine import BLOCK, RayExecutor
+
+ROOT = Path(__file__).parents[3]
+# The least that Ray takes, in bytes.
+OBJECT_STORE = 80 * 2**20
+MEMORY = 2**29
+OPTIONS = Options("tiny", MEMORY)
+
+
+@dataclass(frozen=True)
+class Nodes:
+    """A cluster of two nodes with one CPU each."""
+
+    cluster: Cluster
+    other: object
+
+    @property
+    def address(self) -> str:
+        return str(self.cluster.address)
+
+
+@pytest.fixture(scope="module")
+def nodes() -> Iterator[Nodes]:
+    node: dict[str, Any] = {"num_cpus": 1, "object_store_memory": OBJECT_STORE}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PYTHONPATH", str(ROOT))  # where the nodes find what runs here
+        cluster = Cluster(initialize_head=True, head_node_args=node | {"include_dashboard": False})
+        yield Nodes(cluster, cluster.add_node(**node))
+        ray.shutdown()
+        cluster.shutdown()
+
+
+@pytest.fixture(scope="module")
+def setup(model_file: Path) -> Setup:
+    return Setup([ModelFile.read(str(model_file))], Limits(), MEMORY, seconds=30.0)
+
+
+@pytest.fixture
+def serial(model_file: Path) -> SerialExecutor:
+    classifier = Classifier.load(str(model_file))
+    return SerialExecutor(lambda task: predict(task, classifier, False))
+
+
+@dataclass(frozen=True)
+class Noted:
+    """A file that takes its time, and leaves the node that read it as a file in `notes`."""
+
+    file: File
+    name: str
+    notes: Path
+    below: str = ""
+    declared: str | None = ".obj"
+    seconds: float = field(default=0.05)
+
+    def size(self) -> int:
+        return self.file.size()
+
+    def read(self) -> bytes:
+        time.sleep(self.seconds)
+        node = ray.get_runtime_context().get_node_id()
+        (self.notes / f"{self.name} {node} {time.monotonic_ns()}").touch()
+        return self.file.read()
+
+
+def never(_: str) -> Collection[str]:
+    return ()
+
+
+def timeless(one: FileResult) -> dict:
+    found = record(one.file.name, one.result, 1)
+    return found.model_dump(mode="json", by_alias=True) | {"timings_ms": None}
+
+
+def test_a_cluster_gives_the_records_of_one_process(
+    nodes: Nodes,
+    setup: Setup,
+    serial: SerialExecutor,
+    meshes: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """In their order, by paths as they were given, and without what is done."""
+    monkeypatch.chdir(meshes.parent)
+    listing = Listing([meshes.name] * 14)
+    ring = sha256((meshes / "ring.obj").read_bytes()).hexdigest()
+    calls = 0
+
+    def done_as(name: str) -> Collection[str]:
+        nonlocal calls
+        calls += name.endswith("ring.obj")
+        return {ring, "0" * 64} if calls <= 3 else ()
+
+    with RayExecutor(setup, None, nodes.address) as executor:
+        found = [timeless(one) for one in executor.results(listing, OPTIONS, done_as)]
+    calls = 0
+    assert found == [timeless(one) for one in serial.results(listing, OPTIONS, done_as)]
+    assert len(found) == 14 * 5 - 3
+    assert len(found) > 2 * BLOCK
+
+
+def test_the_command_writes_and_resumes_what_the_local_one_does(
+    nodes: Nodes, model_file: Path, meshes: Path, tmp_path: Path
+) -> None:
+    path = tmp_path / "all.jsonl"
+    command = [PROGRAM, "batch", str(meshes), "--model", str(model_file), "--output", str(path)]
+    local = subprocess.run(command, capture_output=True, env=environment())
+    whole = [json.loads(line) | {"timings_ms": None} for line in path.read_text().splitlines()]
+    path.write_text("".join(path.read_text().splitlines(keepends=True)[:2]))
+    over_ray = ["--resume", "--ray", nodes.address]
+    done = subprocess.run([*command, *over_ray], capture_output=True, env=environment())
+    assert (done.returncode, done.stdout) == (local.returncode, b"") == (1, b"")
+    assert b"2 of them earlier" in done.stderr
+    assert b"Traceback" not in done.stderr
+    resumed = [json.loads(line) | {"timings_ms": None} for line in path.read_text().splitlines()]
+    assert resumed == whole
+
+
+@pytest.mark.parametrize(
+    ("address", "reason"),
+    [("127.0.0.1:1", "no Ray cluster answers"), ("ray://127.0.0.1:1", "give HOST:PORT")],
+)
+def test_an_address_without_a_cluster(setup: Setup, address: str, reason: str) -> None:
+    with pytest.raises(ExecutorFailed, match=reason):
+        RayExecutor(setup, None, address)
+
+
+def test_nothing_phones_home() -> None:
+    from ray._common.usage.usage_lib import usage_stats_enabled
+
+    assert os.environ["RAY_USAGE_STATS_ENABLED"] == "0"
+    assert not usage_stats_enabled()
+
+
+def test_a_lost_node_loses_nothing_and_gives_nothing_twice(
+    nodes: Nodes, setup: Setup, serial: SerialExecutor, meshes: Path, tmp_path: Path
+) -> None:
+    (ring,) = Listing([str(meshes / "ring.obj")])
+    files = [Noted(ring, f"{number:04}.obj", tmp_path) for number in range(12 * BLOCK)]
+    found = []
+    with RayExecutor(setup, 2, nodes.address) as executor:
+        for one in executor.results(files, OPTIONS, never):
+            found.append(timeless(one))
+            if nodes.other in nodes.cluster.worker_nodes and len(readers(tmp_path)) == 2:
+                lost = len(found)
+                nodes.cluster.remove_node(nodes.other, allow_graceful=False)
+    assert 0 < lost < len(files)
+    reads = [note.name.split()[0] for note in tmp_path.iterdir()]
+    assert len(reads) > len(set(reads)) == len(files)  # what was lost was done again
+    found.sort(key=lambda record: record["file"])
+    assert found == [timeless(one) for one in serial.results(files[:1], OPTIONS, never)] + [
+        found[0] | {"file": file.name} for file in files[1:]
+    ]
+
+
+def readers(notes: Path) -> set[str]:
+    """The nodes that have read something."""
+    return {note.name.split()[1] for note in notes.iterdir()}
