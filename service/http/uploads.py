@@ -3,6 +3,7 @@
 No step costs the event loop more than the chunk that has just arrived, and no byte is held twice.
 """
 
+import asyncio
 import io
 import re
 import sys
@@ -32,6 +33,8 @@ OPAQUE_TYPES = {
 MAX_OTHER_PARTS = 10
 # Longest header of a part: a name of 255 bytes has 765 in percent encoding.
 MAX_HEADER_BYTES = 2048
+MAX_PARAMETERS = 16
+PIECE_BYTES = 64 * 1024
 # Longest boundary of a form (RFC 2046, 5.1.1).
 MAX_BOUNDARY = 70
 UTF8 = {b"utf-8", b"utf8"}
@@ -57,10 +60,13 @@ class BodyReader:
         self._chunks = request.stream()
         self._rest = memoryview(b"")
 
-    async def chunks(self) -> AsyncIterator[bytes]:
-        """The body as it arrives."""
+    async def pieces(self) -> AsyncIterator[bytes]:
+        """The body as it arrives, in pieces so small that each can be parsed in a few ms."""
         async for chunk in self._chunks:
-            yield chunk
+            for start in range(0, len(chunk), PIECE_BYTES):
+                if start:
+                    await asyncio.sleep(0)
+                yield chunk[start : start + PIECE_BYTES]
 
     async def read(self, count: int) -> bytes:
         """The next `count` bytes, or all that is left where that is less."""
@@ -126,8 +132,8 @@ async def read_form(request: Request, most: int) -> list[Upload]:
         raise _bad_form(f"its content type names no boundary of 1 to {MAX_BOUNDARY} characters")
     form = _Form(boundary, most)
     try:
-        async for chunk in BodyReader(request).chunks():
-            form.feed(chunk)
+        async for piece in BodyReader(request).pieces():
+            form.feed(piece)
     except FormParserError as error:
         raise _bad_form(str(error)) from None
     if not form.complete:
@@ -167,9 +173,9 @@ class _Form:
             max_header_size=MAX_HEADER_BYTES,
         )
 
-    def feed(self, chunk: bytes) -> None:
+    def feed(self, piece: bytes) -> None:
         """Parse the next bytes. Raises FormParserError, TooManyMeshes or MalformedFile."""
-        self._parser.write(chunk)
+        self._parser.write(piece)
 
     def _begin_part(self) -> None:
         self._disposition = b""
@@ -186,6 +192,8 @@ class _Form:
         self._field, self._value = b"", b""
 
     def _end_headers(self) -> None:
+        if self._disposition.count(b";") > MAX_PARAMETERS:
+            raise _bad_form(f"a part's disposition has more than {MAX_PARAMETERS} parameters")
         _, options = parse_options_header(self._disposition)
         name = _extended_name(self._disposition)
         if name is None and b"filename" in options:
