@@ -27,5 +27,5 @@ RUN meshconv3d classify --json "$(python -c 'import meshconv3d.model.samples as 
 USER 10001
 EXPOSE 8000
 HEALTHCHECK --interval=10s --timeout=3s --start-period=30s \
-    CMD ["python", "-c", "import urllib.request as u; u.urlopen('http://127.0.0.1:8000/readyz', timeout=2)"]
+    CMD ["python", "-c", "import os, urllib.request as u; u.urlopen(f\"http://127.0.0.1:{os.environ.get('MESHCONV3D_PORT', 8000)}/readyz\", timeout=2)"]
 CMD ["meshconv3d", "serve"]

@@ -1,4 +1,4 @@
-# The image of all nodes of a Ray cluster, for deploy/rayjob.yaml and deploy/rayservice.yaml:
+# The image of all nodes of a Ray cluster, for deploy/rayjob.yaml:
 #   docker build -f deploy/ray.Dockerfile -t meshconv3d-ray:0.1.0 .
 FROM rayproject/ray:2.60.0-py312
 COPY --chown=ray pyproject.toml README.md LICENSE /home/ray/src/

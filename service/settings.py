@@ -1,5 +1,6 @@
 """What an operator can set: a flag over a MESHCONV3D_* variable over the default."""
 
+import ipaddress
 import os
 import re
 from pathlib import Path
@@ -17,6 +18,8 @@ MIB = 1024 * 1024
 LIMITS = Limits()
 # A scheme, a host and perhaps a port, as browsers send it.
 ORIGIN = re.compile(r"https?://[a-z0-9.\-]+(:\d+)?|https?://\[[0-9a-f:]+\](:\d+)?")
+# Host names of requests to a loopback address that no other site can take.
+LOOPBACK_NAMES = ("localhost", "127.0.0.1", "::1")
 
 
 class Settings(BaseSettings):
@@ -97,11 +100,24 @@ class Settings(BaseSettings):
         description="Origins whose pages may ask, such as https://example.org. "
         "Comma separated in the variable, a flag for each.",
     )
+    allowed_hosts: Annotated[tuple[str, ...], NoDecode] = Field(
+        default=(),
+        description="Host names that requests may name; * for any. By default those of loopback "
+        "where host is a loopback address, else any. Comma separated in the variable, a flag for "
+        "each.",
+    )
+    metrics_port: int | None = Field(
+        default=None,
+        ge=1,
+        le=65535,
+        description="Port for /metrics alone, without a key; by default it is at the port of the "
+        "service.",
+    )
     log_format: LogFormat = Field(
         default="json", description="How the log is written to standard error."
     )
 
-    @field_validator("models", "api_keys", "cors_origins", mode="before")
+    @field_validator("models", "api_keys", "cors_origins", "allowed_hosts", mode="before")
     @classmethod
     def _split(cls, value: object) -> object:
         return tuple(filter(None, value.split(","))) if isinstance(value, str) else value
@@ -132,6 +148,12 @@ class Settings(BaseSettings):
         return self
 
     @property
+    def host_names(self) -> frozenset[str] | None:
+        """Host names that requests may name, in lower case; None for any."""
+        names = self.allowed_hosts or (LOOPBACK_NAMES if _is_loopback(self.host) else ("*",))
+        return None if "*" in names else frozenset(name.strip("[]").lower() for name in names)
+
+    @property
     def limits(self) -> Limits:
         """What one file may hold."""
         return Limits(self.max_vertices, self.max_faces, self.max_geometries)
@@ -140,3 +162,10 @@ class Settings(BaseSettings):
     def max_request_meshes(self) -> int:
         """Most meshes in one request: no more than the queue has places."""
         return min(self.max_batch_meshes, self.max_queue_requests)
+
+
+def _is_loopback(host: str) -> bool:
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"

@@ -54,10 +54,13 @@ def serve(**flags: Any) -> None:
     from meshconv3d.export.metadata import ModelFileError
     from meshconv3d.service.classifier import SelfTestError
     from meshconv3d.service.cli.setup import read_settings
-    from meshconv3d.service.http.behind import start_workers
-    from meshconv3d.service.http.listening import CannotListen
-    from meshconv3d.service.http.open_files import TooFewFiles, allow_open_files
-    from meshconv3d.service.http.server import run
+    from meshconv3d.service.http.server import (
+        CannotListen,
+        TooFewFiles,
+        raise_file_limit,
+        run,
+        start_workers,
+    )
     from meshconv3d.service.logs import configure_logs
     from meshconv3d.service.workers import NotStarted
 
@@ -65,7 +68,7 @@ def serve(**flags: Any) -> None:
     configure_logs(settings.log_format)
     signal.signal(signal.SIGTERM, _stop)  # until the server takes over
     try:
-        allow_open_files(settings)
+        raise_file_limit(settings)
         pool = start_workers(settings)
     except (TooFewFiles, ModelFileError, SelfTestError) as error:
         raise click.UsageError(str(error)) from None

@@ -1,4 +1,4 @@
-"""The app: the routes, and what a request passes on its way to them."""
+"""The app: its routes, and the middleware before them."""
 
 import importlib.metadata
 from collections.abc import AsyncIterator
@@ -9,24 +9,19 @@ from fastapi import FastAPI
 from starlette.middleware.cors import CORSMiddleware
 from starlette.types import ASGIApp
 
-from meshconv3d.service.http import page
-from meshconv3d.service.http.admission import Admission
-from meshconv3d.service.http.cards import card_routes
-from meshconv3d.service.http.description import INFERENCE_SCHEMAS
-from meshconv3d.service.http.gate import Gate
-from meshconv3d.service.http.keys import Keyed, describe_keys
-from meshconv3d.service.http.metrics import Metrics
-from meshconv3d.service.http.observing import Observed
-from meshconv3d.service.http.probes import probe_routes
+from meshconv3d.service.http.admission import Admission, AdmissionMiddleware
+from meshconv3d.service.http.dispatch import Dispatcher
+from meshconv3d.service.http.health import add_health_routes
+from meshconv3d.service.http.oip import add_inference_routes
+from meshconv3d.service.http.openapi import complete
+from meshconv3d.service.http.page import add_page
 from meshconv3d.service.http.problems import install_problem_handlers
-from meshconv3d.service.http.refusing import Refusing
-from meshconv3d.service.http.serving import Serving
-from meshconv3d.service.http.v1 import v1_routes
-from meshconv3d.service.http.v2 import v2_routes
+from meshconv3d.service.http.telemetry import Metrics, TelemetryMiddleware
+from meshconv3d.service.http.v1 import add_v1_routes
 from meshconv3d.service.settings import Settings
 from meshconv3d.service.workers import WorkerPool
 
-# What a page of a named origin may send, and what it may see of an answer.
+# Headers that pages of a named origin may send, and may read.
 CORS_REQUEST_HEADERS = (
     *("authorization", "content-type", "inference-header-content-length"),
     *("traceparent", "x-api-key"),
@@ -37,19 +32,15 @@ CORS_ANSWER_HEADERS = (
 
 
 def create_app(pool: WorkerPool, admission: Admission, settings: Settings) -> ASGIApp:
-    """The service over workers that are warm."""
-    serving = Serving(pool, admission, settings, Metrics(pool, admission))
-    routes = _Api(settings, pool)
+    """The app over workers that are warm."""
+    dispatcher, metrics = Dispatcher(pool, admission, settings), Metrics(pool, admission)
+    routes = _Routes(pool, keyed=bool(settings.api_keys))
     install_problem_handlers(routes)
-    served = [of(serving) for of in (v1_routes, card_routes, v2_routes, probe_routes)]
-    for router in (*served, page.router):
-        # Included, they would be in lists of their own, and the app's would not tell of them.
-        routes.router.routes += router.routes
-    routes.mount("/assets", page.Assets())
-    app: ASGIApp = Gate(routes, admission, settings)
-    if settings.api_keys:
-        app = Keyed(app, settings.api_keys)
-    app = Refusing(app)
+    add_v1_routes(routes, dispatcher)
+    add_inference_routes(routes, dispatcher)
+    add_health_routes(routes, dispatcher, metrics)
+    add_page(routes)
+    app: ASGIApp = AdmissionMiddleware(routes, admission, settings)
     if settings.cors_origins:
         app = CORSMiddleware(
             app,
@@ -58,22 +49,22 @@ def create_app(pool: WorkerPool, admission: Admission, settings: Settings) -> AS
             allow_headers=CORS_REQUEST_HEADERS,
             expose_headers=CORS_ANSWER_HEADERS,
         )
-    return Observed(app, routes.routes, serving.metrics)
+    return TelemetryMiddleware(app, routes.routes, metrics)
 
 
-class _Api(FastAPI):
-    """The routes, and their description."""
+class _Routes(FastAPI):
+    """The routes and their description; while they are up, their event loop feeds the workers."""
 
-    def __init__(self, settings: Settings, pool: WorkerPool) -> None:
+    def __init__(self, pool: WorkerPool, keyed: bool) -> None:
         @asynccontextmanager
-        async def at_work(_: FastAPI) -> AsyncIterator[None]:
+        async def attach(_: FastAPI) -> AsyncIterator[None]:
             pool.attach()
             yield
             pool.close()
             await pool.wait_closed()
 
         super().__init__(
-            lifespan=at_work,
+            lifespan=attach,
             title="MeshConv3D",
             summary="What is this 3D mesh?",
             version=importlib.metadata.version("meshconv3d"),
@@ -82,12 +73,9 @@ class _Api(FastAPI):
             redoc_url=None,
             redirect_slashes=False,
         )
-        self._keyed = bool(settings.api_keys)
+        self._keyed = keyed
 
     def openapi(self) -> dict[str, Any]:
         if self.openapi_schema is None:
-            description = super().openapi()  # which it keeps
-            description["components"]["schemas"] |= INFERENCE_SCHEMAS
-            if self._keyed:
-                describe_keys(description)
-        return super().openapi()
+            self.openapi_schema = complete(super().openapi(), self._keyed)
+        return self.openapi_schema

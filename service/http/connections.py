@@ -1,86 +1,105 @@
-"""One connection of a client: how long it is held, and what of it is not taken.
+"""Connections: bounds that uvicorn's settings do not have.
 
-A refusal is the app's to give: it finds the reason in `scope["state"]["refusal"]`.
+A connection is closed where a request is not there in time, and after an answer that other requests
+did not wait for. A head that is too long and bytes that are no HTTP are refused: the reason is left
+in `scope["state"]["unreadable"]`, so that the app answers, logs and counts it like every other.
+
+uvicorn's h11 protocol bounds heads and requests by itself, but takes 19 s of the event loop to read
+a body of 100 MB, where httptools takes 0.7 s.
 """
 
 import asyncio
-import math
-from typing import Any
 
 import httptools
-from uvicorn._types import ASGI3Application
-from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol, RequestResponseCycle
+from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 
-from meshconv3d.service.http.errors import BadBody, BadHead, HeadTooLong, UpgradeAsked
-from meshconv3d.service.http.refusing import Refusal, crowded
+from meshconv3d.service.http.admission import Admission
+from meshconv3d.service.http.problems import RequestError
 
-# Request line and headers together, in bytes.
-MOST_HEAD_BYTES = 64 * 1024
-# How many connections above the limit are open, to be told so. Those beyond are closed untold.
+# Request line and headers together.
+MAX_HEAD_BYTES = 16 * 1024
+# Connections above the limit that are held open to be refused; those beyond are closed at once.
 CROWD = 128
-# In place of one that cannot be read: the app is asked it, and gives the refusal.
-_REQUEST = b"GET /none HTTP/1.0\r\n\r\n"
+
+# Takes the place of a head that cannot be read, so that the app is asked and refuses it.
+_SUBSTITUTE = b"GET /none HTTP/1.0\r\n\r\n"
+
+BAD_HTTP = RequestError(
+    400,
+    "bad-http",
+    "this is no HTTP/1.1 request; where it was meant for TLS, ask the proxy that ends it in front "
+    "of this service",
+)
+HEAD_TOO_LONG = RequestError(
+    431,
+    "head-too-long",
+    f"the request line and headers are longer than {MAX_HEAD_BYTES} bytes; send fewer headers, and "
+    "the mesh as the body",
+    MAX_HEAD_BYTES,
+)
+# The parser takes what follows such a head for another protocol, and drops it.
+UPGRADE_WITH_BODY = RequestError(
+    400,
+    "upgrade-with-body",
+    "a request with a body cannot change the protocol here; send it as HTTP/1.1, without the "
+    "header Upgrade (curl --http1.1)",
+)
 
 
-def bounded_connection(seconds: float, most: int) -> type[asyncio.Protocol]:
-    """A connection, of which `most` are served at a time.
-
-    It is closed when a request is not there after `seconds`, however it dawdles, and whether or
-    not its answer was given before; and when an answer waits for so long to be taken further.
-    """
+def bounded_connection(
+    seconds: float, max_connections: int, admission: Admission
+) -> type[asyncio.Protocol]:
+    """uvicorn's protocol with bounds. seconds: until a whole request must be there."""
 
     class Connection(HttpToolsProtocol):
-        _watch: asyncio.TimerHandle | None = None
-        _reading: asyncio.TimerHandle | None = None
-        _head_bytes = 0
-        _in_body = False
-        _refusal: Refusal | None = None
-        _answered: RequestResponseCycle | None = None
+        _timer: asyncio.TimerHandle | None = None
+        _head_bytes = 0  # of a head that is not complete yet
+        _error: RequestError | None = None
+        _ends = False  # nothing more is read of it
 
         def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
             super().connection_made(transport)
-            if len(self.connections) > most + CROWD:
+            admission.connections = len(self.connections)
+            if admission.connections > max_connections + CROWD:
                 transport.abort()
-            self._arm()
+            self._start_timer()
 
         def connection_lost(self, exc: Exception | None) -> None:
-            self._disarm()
-            self._stop_awaiting()
+            self._stop_timer()
             super().connection_lost(exc)
-            # Uvicorn tells the latest request. Where several came at once, another is answered.
-            if self._answered is not None:
-                self._answered.disconnected = True
-                self._answered.message_event.set()
+            admission.connections = len(self.connections)
 
         def data_received(self, data: bytes) -> None:
-            if self._refusal is not None:
-                return
-            # Set back to 0 on the way, where this data ends a head.
-            self._head_bytes += len(data)
-            super().data_received(data)
-            if self._head_bytes > MOST_HEAD_BYTES and self._refusal is None:
-                self._refuse(HeadTooLong(MOST_HEAD_BYTES))
-
-        def send_400_response(self, msg: str) -> None:
-            self._refuse(BadBody() if self._in_body else BadHead())
+            for start in range(0, len(data), MAX_HEAD_BYTES):
+                if self._ends or self.transport.is_closing():
+                    return
+                piece = data[start : start + MAX_HEAD_BYTES]
+                self._head_bytes += len(piece)
+                super().data_received(piece)
+                if self._head_bytes > MAX_HEAD_BYTES:
+                    self._refuse(HEAD_TOO_LONG)
 
         def on_message_begin(self) -> None:
+            if self._is_answering():
+                raise BAD_HTTP  # pipelined: the client has to ask again
             super().on_message_begin()
-            self._arm()
+            self._start_timer()
 
         def on_headers_complete(self) -> None:
-            refusal = self._refusal
-            if refusal is None and len(self.connections) > most:
-                refusal = crowded(most)
-            if refusal is None and self._head_size() > MOST_HEAD_BYTES:
-                refusal = HeadTooLong(MOST_HEAD_BYTES)
-            if refusal is None and self.parser.should_upgrade() and self._has_body():
-                refusal = UpgradeAsked()
-            self._told()["refusal"] = refusal
+            length = len(self.url) + sum(len(name) + len(value) + 4 for name, value in self.headers)
+            names = {name for name, _ in self.headers}
+            if self._error is not None:
+                error = self._error
+            elif length > MAX_HEAD_BYTES:
+                error = HEAD_TOO_LONG
+            elif self.parser.should_upgrade() and names & {b"content-length", b"transfer-encoding"}:
+                error = UPGRADE_WITH_BODY
+            else:
+                error = None
+            self.scope["state"]["unreadable"] = error  # type: ignore[typeddict-item]
             super().on_headers_complete()
             self._head_bytes = 0
-            self._in_body = True
-            if refusal is not None:
+            if error is not None or len(self.connections) > max_connections:
                 self.cycle.keep_alive = False
 
         def on_body(self, body: bytes) -> None:
@@ -89,80 +108,33 @@ def bounded_connection(seconds: float, most: int) -> type[asyncio.Protocol]:
 
         def on_message_complete(self) -> None:
             self._head_bytes = 0
-            self._in_body = False
-            self._disarm()
+            self._stop_timer()
             super().on_message_complete()
 
-        def _start_asgi_task(self, cycle: RequestResponseCycle, app: ASGI3Application) -> None:
-            self._answered = cycle
-            super()._start_asgi_task(cycle, app)
-
-        def on_response_complete(self) -> None:
-            super().on_response_complete()
-            if self.transport.is_closing():
-                self._await_reader()
-
-        def timeout_keep_alive_handler(self) -> None:
-            super().timeout_keep_alive_handler()
-            self._await_reader()
-
-        def pause_writing(self) -> None:
-            super().pause_writing()
-            self._await_reader()
-
-        def resume_writing(self) -> None:
-            super().resume_writing()
-            if not self.transport.is_closing():
-                self._stop_awaiting()
-
-        def _refuse(self, refusal: Refusal) -> None:
-            """Take no more of this connection. What came before is answered, and then this."""
-            self._refusal = refusal
-            if not self._in_body:
-                self.parser = httptools.HttpRequestParser(self)
-                self.parser.feed_data(_REQUEST)
-                self.scope["method"] = "none"
-            elif self.cycle.response_complete:
-                self.transport.close()
+        def send_400_response(self, msg: str) -> None:
+            if not self._is_answering():
+                self._refuse(BAD_HTTP)
+            elif self.cycle.more_body:
+                super().send_400_response(msg)
             else:
-                self._told()["refusal"] = refusal
-                self.cycle.keep_alive = False
-                self.cycle.message_event.set()
+                self._ends, self.cycle.keep_alive = True, False
 
-        def _head_size(self) -> int:
-            """Bytes of the request's target and headers, which may all have come at once."""
-            return len(self.url) + sum(len(name) + len(value) + 4 for name, value in self.headers)
+        def _is_answering(self) -> bool:
+            return self.cycle is not None and not self.cycle.response_complete
 
-        def _has_body(self) -> bool:
-            return any(
-                name in (b"content-length", b"transfer-encoding") for name, _ in self.headers
-            )
+        def _refuse(self, error: RequestError) -> None:
+            """Have the app answer an error, and read no more."""
+            self._ends, self._error = True, error
+            self.parser = httptools.HttpRequestParser(self)
+            self.parser.feed_data(_SUBSTITUTE)
 
-        def _told(self) -> dict[str, Any]:
-            """What the app is told of the request, beside what is in it."""
-            return self.scope["state"]  # type: ignore[typeddict-item]
+        def _start_timer(self) -> None:
+            self._stop_timer()
+            self._timer = self.loop.call_later(seconds, self.transport.abort)
 
-        def _arm(self) -> None:
-            self._disarm()
-            self._watch = self.loop.call_later(seconds, self.transport.abort)
-
-        def _disarm(self) -> None:
-            if self._watch is not None:
-                self._watch.cancel()
-                self._watch = None
-
-        def _await_reader(self, before: float = math.inf) -> None:
-            """Give the connection up once nothing of the answer that waits is taken in a while."""
-            self._stop_awaiting()
-            waiting = self.transport.get_write_buffer_size()
-            if waiting >= before:
-                self.transport.abort()
-            elif waiting:
-                self._reading = self.loop.call_later(seconds, self._await_reader, waiting)
-
-        def _stop_awaiting(self) -> None:
-            if self._reading is not None:
-                self._reading.cancel()
-                self._reading = None
+        def _stop_timer(self) -> None:
+            if self._timer is not None:
+                self._timer.cancel()
+                self._timer = None
 
     return Connection

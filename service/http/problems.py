@@ -1,9 +1,10 @@
-"""Every error as `application/problem+json` (RFC 9457), from one table."""
+"""Errors of requests, and how every error is answered: `application/problem+json` (RFC 9457)."""
 
 import asyncio
+from collections.abc import Mapping
 from http import HTTPStatus
 
-from fastapi import FastAPI, Request, Response
+from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from pydantic import BaseModel, Field
@@ -18,30 +19,92 @@ from meshconv3d.model.errors import (
     UnusableMesh,
 )
 from meshconv3d.service.attribution import NotExplained
-from meshconv3d.service.http.admission import Full
-from meshconv3d.service.http.errors import TooLarge, Unreadable, UploadTooSlow
-from meshconv3d.service.http.notes import notes_of
-from meshconv3d.service.prediction import Failure
+from meshconv3d.service.http.context import context_of
 from meshconv3d.service.workers import DeadlineExceeded
 
 PROBLEM_JSON = "application/problem+json"
 
-# What the framework says of a request that no handler takes, and what we say.
+# Seconds until a refusal for lack of room is sent: refusing costs time that accepted requests need,
+# and a client that is refused at once asks again at once.
+PAUSE_SECONDS = 2.0
+
+STATUSES: dict[type[MeshError], int] = {
+    MalformedFile: 400,
+    LimitExceeded: 413,
+    UnknownFormat: 415,
+    UnusableMesh: 422,
+}
+
+# Details of the framework's own errors, in our words.
 DETAILS = {
     "Not Found": "there is nothing at this path; see /openapi.json for what there is",
     "Method Not Allowed": "this path takes other methods, which the header Allow names",
 }
 
-STATUSES: dict[type[MeshError], HTTPStatus] = {
-    MalformedFile: HTTPStatus.BAD_REQUEST,
-    UnknownFormat: HTTPStatus.UNSUPPORTED_MEDIA_TYPE,
-    UnusableMesh: HTTPStatus.UNPROCESSABLE_ENTITY,
-    LimitExceeded: HTTPStatus.REQUEST_ENTITY_TOO_LARGE,
-}
+
+class RequestError(Exception):
+    """A request that is refused. fault: stable error code; limit: the limit that is exceeded, if
+    any; headers: of the answer; pause: seconds until it is sent."""
+
+    def __init__(
+        self,
+        status: int,
+        fault: str,
+        detail: str,
+        limit: int | None = None,
+        headers: Mapping[str, str] = {},
+        pause: float = 0.0,
+    ) -> None:
+        super().__init__(detail)
+        self.status = status
+        self.fault = fault
+        self.limit = limit
+        self.headers = headers
+        self.pause = pause
+
+
+class Full(RequestError):
+    """More work than can be done in time. retry_after: seconds until that changes."""
+
+    def __init__(self, reason: str, retry_after: int, pause: float = PAUSE_SECONDS) -> None:
+        detail = f"{reason}; try again in {retry_after} s, or at another instance"
+        super().__init__(
+            503, "full", detail, headers={"retry-after": str(retry_after)}, pause=pause
+        )
+        self.retry_after = retry_after
+
+
+def request_error(error: Exception) -> RequestError:
+    """Any error as the one that answers the request."""
+    match error:
+        case RequestError():
+            return error
+        case MeshError():
+            limit = error.value if isinstance(error, LimitExceeded) else None
+            return RequestError(STATUSES[type(error)], error.fault, str(error), limit)
+        case NotExplained():
+            return RequestError(404, error.fault, str(error))
+        case DeadlineExceeded():
+            detail = (
+                "there was no answer within the deadline; simplify the mesh, or try again later"
+            )
+            return RequestError(504, "deadline", detail)
+        case ClientDisconnect():  # for the log: nobody reads the answer
+            return RequestError(400, "client-gone", "the client has gone")
+        case RequestValidationError():
+            found = (f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors())
+            return RequestError(400, "bad-request", "; ".join(found))
+        case HTTPException():
+            fault = HTTPStatus(error.status_code).phrase.lower().replace(" ", "-")
+            detail = DETAILS.get(error.detail, error.detail)
+            return RequestError(error.status_code, fault, detail, headers=error.headers or {})
+        case _:  # the log has the traceback; the client gets the id to ask about it
+            detail = "the service failed on this request; report it with the request id"
+            return RequestError(500, "internal", detail)
 
 
 class Problem(BaseModel):
-    """A problem document. `fault` is a stable slug for programs, `detail` is for people."""
+    """A problem document. `fault` is a stable error code for programs, `detail` is for people."""
 
     type: str = "about:blank"
     title: str
@@ -49,121 +112,35 @@ class Problem(BaseModel):
     detail: str
     fault: str = Field(examples=["no-faces"])
     request_id: str
-    limit: int | None = Field(None, description="the limit that was hit, if one was")
+    limit: int | None = Field(None, description="the limit that was exceeded, if one was")
+
+
+async def answer_error(request: Request, error: Exception) -> JSONResponse:
+    """The answer to a request that failed: a problem document, or the form that the inference
+    protocol has for errors."""
+    refused, context = request_error(error), context_of(request)
+    context.fault = refused.fault
+    if refused.pause:
+        refused.__traceback__ = None  # its frames hold the body
+        await asyncio.sleep(refused.pause)
+    if f"{request.scope['path']}/".startswith("/v2/"):
+        return JSONResponse({"error": str(refused)}, refused.status, refused.headers)
+    document = Problem(
+        title=HTTPStatus(refused.status).phrase,
+        status=refused.status,
+        detail=str(refused),
+        fault=refused.fault,
+        request_id=context.request_id,
+        limit=refused.limit,
+    )
+    content = document.model_dump(exclude_none=True)
+    return JSONResponse(content, refused.status, refused.headers, media_type=PROBLEM_JSON)
 
 
 def install_problem_handlers(app: FastAPI) -> None:
-    """Answer every error of the app, its own and the framework's, with a problem document."""
-
-    @app.exception_handler(MeshError)
-    async def mesh_error(request: Request, error: MeshError) -> JSONResponse:
-        limit = error.value if isinstance(error, LimitExceeded) else None
-        return problem(request, STATUSES[type(error)], error.fault, str(error), limit)
-
-    @app.exception_handler(NotExplained)
-    async def not_explained(request: Request, error: NotExplained) -> JSONResponse:
-        return problem(request, HTTPStatus.NOT_FOUND, error.fault, str(error))
-
-    @app.exception_handler(TooLarge)
-    async def too_large(request: Request, error: TooLarge) -> JSONResponse:
-        status = HTTPStatus.REQUEST_ENTITY_TOO_LARGE
-        return problem(request, status, error.fault, str(error), error.limit)
-
-    @app.exception_handler(UploadTooSlow)
-    async def too_slow(request: Request, error: UploadTooSlow) -> JSONResponse:
-        response = problem(request, HTTPStatus.REQUEST_TIMEOUT, "upload-too-slow", str(error))
-        response.headers["connection"] = "close"
-        return response
-
-    @app.exception_handler(Unreadable)
-    async def no_http(request: Request, error: Unreadable) -> JSONResponse:
-        return unreadable(request, error)
-
-    @app.exception_handler(Full)
-    async def too_much(request: Request, error: Full) -> JSONResponse:
-        return await full(request, error)
-
-    @app.exception_handler(DeadlineExceeded)
-    async def too_late(request: Request, error: DeadlineExceeded) -> JSONResponse:
-        why = reason(error)
-        return problem(request, HTTPStatus.GATEWAY_TIMEOUT, why.fault, why.message)
-
-    @app.exception_handler(RequestValidationError)
-    async def invalid(request: Request, error: RequestValidationError) -> JSONResponse:
-        problems = (f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors())
-        return problem(request, HTTPStatus.BAD_REQUEST, "bad-request", "; ".join(problems))
-
-    @app.exception_handler(HTTPException)
-    async def http_error(request: Request, error: HTTPException) -> JSONResponse:
-        status = HTTPStatus(error.status_code)
-        detail = DETAILS.get(error.detail, error.detail)
-        response = problem(request, status, status.phrase.lower().replace(" ", "-"), detail)
-        response.headers.update(error.headers or {})
-        return response
-
-    @app.exception_handler(ClientDisconnect)
-    async def gone(request: Request, error: ClientDisconnect) -> Response:
-        notes_of(request).fault = "client-gone"
-        return Response(status_code=HTTPStatus.BAD_REQUEST)  # nobody is there to read it
-
-    @app.exception_handler(Exception)
-    async def unforeseen(request: Request, error: Exception) -> JSONResponse:
-        # The log has the traceback; the client gets the id to ask about it.
-        why = reason(error)
-        return problem(request, HTTPStatus.INTERNAL_SERVER_ERROR, why.fault, why.message)
-
-
-def reason(error: Exception) -> Failure:
-    """Why a mesh could not be classified, whichever error says so."""
-    if isinstance(error, MeshError):
-        return Failure.of(error)
-    if isinstance(error, Full):
-        return Failure("full", str(error))
-    if isinstance(error, DeadlineExceeded):
-        message = "there was no answer within the deadline; simplify the mesh, or try again later"
-        return Failure("deadline", message)
-    message = "the service failed on this request; report it with the request id"
-    return Failure("internal", message)
-
-
-async def full(request: Request, error: Full) -> JSONResponse:
-    """The answer to what is refused because there is too much to do, after a pause."""
-    await asyncio.sleep(error.pause)
-    why = reason(error)
-    response = problem(request, HTTPStatus.SERVICE_UNAVAILABLE, why.fault, why.message)
-    response.headers["retry-after"] = str(error.retry_after)
-    return response
-
-
-def unreadable(request: Request, error: Unreadable) -> JSONResponse:
-    """The answer to what is no request; its connection takes no other."""
-    response = problem(request, error.status, error.fault, str(error), error.limit)
-    response.headers["connection"] = "close"
-    return response
-
-
-def problem(
-    request: Request, status: HTTPStatus, fault: str, detail: str, limit: int | None = None
-) -> JSONResponse:
-    """One problem as a response: a problem document, or what the inference protocol wants."""
-    notes = notes_of(request)
-    notes.fault = fault
-    if _is_of_inference_protocol(request):
-        return JSONResponse({"error": detail}, status)
-    document = Problem(
-        title=status.phrase,
-        status=status,
-        detail=detail,
-        fault=fault,
-        request_id=notes.request_id,
-        limit=limit,
-    )
-    return JSONResponse(
-        document.model_dump(exclude_none=True),
-        status,
-        media_type=PROBLEM_JSON,
-    )
-
-
-def _is_of_inference_protocol(request: Request) -> bool:
-    return f"{request.scope['path']}/".startswith("/v2/")
+    """Answer every error that the routes raise."""
+    for kind in (
+        *(RequestError, MeshError, NotExplained, DeadlineExceeded, ClientDisconnect),
+        *(RequestValidationError, HTTPException, Exception),
+    ):
+        app.add_exception_handler(kind, answer_error)

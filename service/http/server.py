@@ -1,8 +1,10 @@
-"""The app under uvicorn, which ends without losing what it accepted."""
+"""The server: the app under uvicorn, which stops without losing what it accepted."""
 
+import errno
 import gc
 import logging
 import math
+import resource
 import socket
 import time
 from types import FrameType
@@ -11,22 +13,61 @@ import uvicorn
 
 from meshconv3d.service.http.admission import Admission
 from meshconv3d.service.http.app import create_app
-from meshconv3d.service.http.behind import open_admission
-from meshconv3d.service.http.connections import bounded_connection
-from meshconv3d.service.http.headers import SECURITY_HEADERS
-from meshconv3d.service.http.listening import address, listen
+from meshconv3d.service.http.connections import CROWD, bounded_connection
+from meshconv3d.service.models import ModelFile
 from meshconv3d.service.settings import Settings
-from meshconv3d.service.workers import WorkerPool
+from meshconv3d.service.workers import Setup, WorkerPool
 
 log = logging.getLogger(__name__)
 
 # The app answers at the deadline; the connection is closed only where that did not end it.
 CONNECTION_MARGIN = 2.0
-# Longer than proxies keep an idle connection: whoever closes it first may lose the next request.
+# Longer than proxies keep an idle connection: the side that closes it first may lose a request.
 KEEP_ALIVE_SECONDS = 75
-# New objects after which garbage is looked for among those that came last; a request makes some
-# thousand. With hundreds of requests waiting, Python's 700 cost a sixth of the front's time.
+# New objects between two runs of the youngest garbage collection; a request makes some thousand.
+# Python's 700 cost a sixth of the front's time with hundreds of requests waiting.
 GARBAGE_THRESHOLD = 20_000
+# Connections that wait to be accepted, before the system refuses more.
+BACKLOG = 2048
+
+# Headers of every answer, against browsers that guess types. Strict-Transport-Security is up to the
+# proxy that ends TLS in front of the service.
+SECURITY_HEADERS = [("x-content-type-options", "nosniff"), ("referrer-policy", "no-referrer")]
+
+# Open files: a connection and the file of the page that is sent over it; pipes of a worker, and to
+# its replacement; those of the libraries, the log and the event loop.
+FILES_PER_CONNECTION = 2
+FILES_PER_WORKER = 8
+OTHER_FILES = 64
+
+# Why an address cannot be had, and what to do.
+REASONS = {
+    errno.EADDRINUSE: "the port is taken; choose another with --port, or 0 for a free one",
+    errno.EACCES: "the port is not for everyone, as those below 1024 are not; choose another with "
+    "--port, such as 8000",
+    errno.EADDRNOTAVAIL: "that is no address of this machine; --host takes one of its own, or "
+    "0.0.0.0 for all",
+}
+
+
+class CannotListen(Exception):
+    """An address at which the service cannot listen. The message says why, and what to do."""
+
+
+class TooFewFiles(Exception):
+    """The system allows fewer open files than the settings need. The message says what to do."""
+
+
+def start_workers(settings: Settings) -> WorkerPool:
+    """Start all workers and wait until they are warm.
+
+    Raises ModelFileError, SelfTestError or NotStarted.
+    """
+    files = [ModelFile.read(name) for name in settings.models]
+    setup = Setup(files, settings.limits, settings.worker_memory_bytes, settings.deadline_seconds)
+    pool = WorkerPool(setup, settings.workers)
+    pool.start()
+    return pool
 
 
 def run(settings: Settings, pool: WorkerPool) -> None:
@@ -34,27 +75,33 @@ def run(settings: Settings, pool: WorkerPool) -> None:
 
     Raises CannotListen.
     """
-    sockets = listen(settings.host, settings.port)
-    admission = open_admission(settings)
+    seconds = settings.deadline_seconds + CONNECTION_MARGIN
+    sockets = listen(settings.host, settings.port, seconds)
+    if settings.metrics_port is not None:
+        sockets += listen(settings.host, settings.metrics_port, seconds)
+    admission = Admission(
+        settings.max_queue_requests,
+        settings.max_queue_bytes,
+        settings.deadline_seconds,
+        settings.workers,
+    )
     config = uvicorn.Config(
         create_app(pool, admission, settings),
-        http=bounded_connection(
-            settings.deadline_seconds + CONNECTION_MARGIN, settings.max_connections
-        ),
+        http=bounded_connection(seconds, settings.max_connections, admission),
         ws="none",
         lifespan="on",
         timeout_keep_alive=KEEP_ALIVE_SECONDS,
         server_header=False,
         headers=SECURITY_HEADERS,
         log_config=None,
-        access_log=False,  # `observing` says more of each request
+        access_log=False,  # the telemetry middleware logs more of each request
     )
     log.info(
         "serving %s with %d workers",
         *(", ".join(pool.models), settings.workers),
         extra={"models": {name: info.sha256 for name, info in pool.models.items()}},
     )
-    gc.freeze()  # what is there by now stays: it need not be gone through again and again
+    gc.freeze()  # what is there by now stays, and need not be searched again and again
     gc.set_threshold(GARBAGE_THRESHOLD)
     _Server(config, admission, settings.grace_seconds).run(sockets)
     log.info("stopped")
@@ -72,7 +119,7 @@ class _Server(uvicorn.Server):
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         await super().startup(sockets)
-        log.info("running on %s", ", ".join(address(each) for each in sockets or ()))
+        log.info("running on %s", ", ".join(_address(each) for each in sockets or ()))
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
         if self._admission.open:
@@ -92,3 +139,53 @@ class _Server(uvicorn.Server):
         """Stop listening, and end after so many seconds at the latest."""
         self.should_exit = True
         self.config.timeout_graceful_shutdown = seconds
+
+
+def listen(host: str, port: int, seconds: float) -> list[socket.socket]:
+    """A listening socket for each address of a host; port 0 is a free one.
+
+    seconds: a connection is dropped where its client takes nothing of an answer for so long (on
+    Linux). Raises CannotListen.
+    """
+    try:
+        found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
+        sockets = [
+            socket.create_server(address, family=family, backlog=BACKLOG)
+            for family, *_, address in found
+        ]
+    except socket.gaierror:
+        reason = "that is no host; --host takes an address of this machine, or 0.0.0.0 for all"
+    except OSError as error:
+        reason = REASONS.get(error.errno or 0, str(error))
+    else:
+        for each in sockets if hasattr(socket, "TCP_USER_TIMEOUT") else ():
+            each.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, int(seconds * 1000))
+        return sockets
+    raise CannotListen(f"cannot listen at {host}, port {port}: {reason}")
+
+
+def _address(listening: socket.socket) -> str:
+    """The address of a socket as a browser takes it."""
+    host, port = listening.getsockname()[:2]
+    return f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"
+
+
+def raise_file_limit(settings: Settings) -> None:
+    """Raise this process's limit of open files to what the settings need, if it is lower.
+
+    With too few, connections wait unseen and workers are not replaced. Raises TooFewFiles where
+    the system does not allow it.
+    """
+    beside = OTHER_FILES + FILES_PER_WORKER * settings.workers + CROWD
+    needed = beside + FILES_PER_CONNECTION * settings.max_connections
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if soft == resource.RLIM_INFINITY or soft >= needed:
+        return
+    if hard != resource.RLIM_INFINITY and hard < needed:
+        possible = (hard - beside) // FILES_PER_CONNECTION
+        lower = f", or lower --max-connections to {possible}" if possible > 1 else ""
+        raise TooFewFiles(
+            f"{settings.max_connections} connections and {settings.workers} workers need {needed} "
+            f"open files, and the system allows {hard}; raise its limit (ulimit -Hn){lower}"
+        )
+    resource.setrlimit(resource.RLIMIT_NOFILE, (needed, hard))

@@ -5,17 +5,16 @@ import base64
 import binascii
 import json
 import struct
-from collections.abc import Awaitable, Callable, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Any
 
 import msgspec
-import numpy as np
 from msgspec import Meta, Struct, field
 from numpy.typing import NDArray
 
-from meshconv3d.model.errors import MalformedFile
-from meshconv3d.service.http.errors import TooLarge, TooManyMeshes
+from meshconv3d.service.http.problems import RequestError
+from meshconv3d.service.http.uploads import too_many_meshes
 
 # Larger meshes come as binary data, which need not be decoded.
 MAX_JSON_BYTES = 4 * 1024 * 1024
@@ -81,29 +80,28 @@ class InferenceRequest(Struct):
 
 _decoder = msgspec.json.Decoder(InferenceRequest)
 
+# Gives the next so many bytes of the body, or all that is left.
+Read = Callable[[int], Awaitable[bytes]]
+
 
 async def read_request(
-    read: Callable[[int], Awaitable[bytes]], json_length: str | None, most: int
+    read: Read, json_length: str | None, most: int
 ) -> tuple[InferenceRequest, dict[str, list[bytes]]]:
     """A request and the elements of its input tensors, by name.
 
-    read: gives the next so many bytes of the body, or all that is left; json_length: the header
-    JSON_LENGTH, or None where the whole body is JSON; most: elements that a tensor may have.
+    json_length: the header JSON_LENGTH, or None where the whole body is JSON; most: elements that a
+    tensor may have.
 
-    Raises MalformedFile for what is no such request, TooLarge for too much of it.
+    Raises RequestError for what is no such request, and for too much of it.
     """
     length = MAX_JSON_BYTES + 1 if json_length is None else _length(json_length)
     document = await read(min(length, MAX_JSON_BYTES + 1))
     if len(document) > MAX_JSON_BYTES:
-        raise TooLarge(
-            "json-too-large",
-            MAX_JSON_BYTES,
-            f"the JSON of the request has more than {MAX_JSON_BYTES} bytes; send meshes as "
-            "binary tensor data",
-        )
+        detail = f"the JSON of the request has more than {MAX_JSON_BYTES} bytes; send binary data"
+        raise RequestError(413, "json-too-large", detail, MAX_JSON_BYTES)
     if json_length is not None and len(document) < length:
         raise malformed(f"{JSON_LENGTH} says {length} bytes, the body has {len(document)}")
-    if length > MANY_BYTES:
+    if len(document) > MANY_BYTES:
         request = await asyncio.to_thread(_decode, document, most)
     else:
         request = _decode(document, most)
@@ -136,9 +134,7 @@ def _decode(document: bytes, most: int) -> InferenceRequest:
         raise malformed(str(error)) from None
 
 
-async def _elements(
-    tensor: Input, read: Callable[[int], Awaitable[bytes]], most: int
-) -> list[bytes]:
+async def _elements(tensor: Input, read: Read, most: int) -> list[bytes]:
     """The elements of an input, read from the binary data where it has none in JSON."""
     name, [count] = tensor.name, tensor.shape
     if tensor.datatype != "BYTES" or count < 1:
@@ -146,7 +142,7 @@ async def _elements(
             f"input {name!r} should be BYTES of shape [n], not {tensor.datatype} of [{count}]"
         )
     if count > most:
-        raise TooManyMeshes(most)
+        raise too_many_meshes(most)
     if not tensor.data:
         return await _unpacked(name, count, tensor.parameters.binary_data_size, read)
     if tensor.parameters.binary_data_size:
@@ -157,9 +153,7 @@ async def _elements(
     return [_decoded(name, text, in_base64) for text in tensor.data]
 
 
-async def _unpacked(
-    name: str, count: int, size: int, read: Callable[[int], Awaitable[bytes]]
-) -> list[bytes]:
+async def _unpacked(name: str, count: int, size: int, read: Read) -> list[bytes]:
     """`count` elements of `size` bytes of binary data, each behind its length in four bytes."""
     elements = []
     for _ in range(count):
@@ -186,40 +180,28 @@ def _decoded(name: str, text: str, in_base64: bool) -> bytes:
         raise malformed(f"an element of input {name!r} is not base64") from None
 
 
-def malformed(reason: str) -> MalformedFile:
+def malformed(reason: str) -> RequestError:
     """The error for what is no request of the protocol, with the reason."""
-    return MalformedFile("bad-request", f"not a request of the inference protocol: {reason}")
+    return RequestError(400, "bad-request", f"not a request of the inference protocol: {reason}")
 
 
 @dataclass(frozen=True)
 class Output:
-    """A tensor of an answer. values: float32 or bool of any shape, or texts."""
+    """A tensor of an answer. values: float32, bool or texts, of any shape."""
 
     name: str
-    values: NDArray[np.float32] | NDArray[np.bool_] | Sequence[str]
+    values: NDArray
 
-    @property
-    def datatype(self) -> str:
-        if isinstance(self.values, np.ndarray):
-            return "BOOL" if self.values.dtype == np.bool_ else "FP32"
-        return "BYTES"
-
-    def describe(self) -> dict:
+    def describe(self) -> dict[str, Any]:
         """Name, datatype and shape."""
-        shape = self.values.shape if isinstance(self.values, np.ndarray) else (len(self.values),)
-        return {"name": self.name, "datatype": self.datatype, "shape": list(shape)}
+        datatype = {"f": "FP32", "b": "BOOL"}.get(self.values.dtype.kind, "BYTES")
+        return {"name": self.name, "datatype": datatype, "shape": list(self.values.shape)}
 
-    def plain(self) -> list:
-        """The elements in a row, for JSON."""
-        if isinstance(self.values, np.ndarray):
-            return self.values.ravel().tolist()
-        return list(self.values)
-
-    def binary(self) -> bytes:
+    def to_bytes(self) -> bytes:
         """The elements in a row, little-endian; each text behind its length."""
-        if isinstance(self.values, np.ndarray):
+        if self.values.dtype.kind in "fb":
             return self.values.astype(self.values.dtype.newbyteorder("<")).tobytes()
-        texts = [text.encode() for text in self.values]
+        texts = [text.encode() for text in self.values.tolist()]
         return b"".join(LENGTH.pack(len(text)) + text for text in texts)
 
 
@@ -229,33 +211,24 @@ def answer(
     """The body of an answer with the requested outputs, or all; and the length of its JSON in
     bytes where binary data follows, else None.
 
-    Raises MalformedFile for a requested output that does not exist.
+    Raises RequestError for a requested output that does not exist.
     """
-    asked = request.outputs
-    if asked is None:
-        asked = [RequestedOutput(name=name) for name in outputs]
-    by_default = request.parameters.binary_data_output
     described, parts = [], []
-    for wanted in asked:
-        output = _output(wanted, outputs)
+    for wanted in request.outputs or [RequestedOutput(name) for name in outputs]:
+        if wanted.name not in outputs:
+            raise malformed(f"there is no output {wanted.name!r}, but {', '.join(outputs)}")
+        if wanted.parameters.classification is not None:
+            raise malformed("the parameter 'classification' is not supported; read 'class'")
+        output, binary = outputs[wanted.name], wanted.parameters.binary_data
         entry = output.describe()
-        binary = wanted.parameters.binary_data
-        if by_default if binary is None else binary:
-            parts.append(output.binary())
+        if request.parameters.binary_data_output if binary is None else binary:
+            parts.append(output.to_bytes())
             entry["parameters"] = {"binary_data_size": len(parts[-1])}
         else:
-            entry["data"] = output.plain()
+            entry["data"] = output.values.ravel().tolist()
         described.append(entry)
     document = {"model_name": model, "outputs": described}
     if request.id is not None:
         document["id"] = request.id
     head = json.dumps(document).encode()
     return b"".join([head, *parts]), len(head) if parts else None
-
-
-def _output(wanted: RequestedOutput, outputs: Mapping[str, Output]) -> Output:
-    if wanted.name not in outputs:
-        raise malformed(f"there is no output {wanted.name!r}, but {', '.join(outputs)}")
-    if wanted.parameters.classification is not None:
-        raise malformed("the parameter 'classification' is not supported; read the output 'class'")
-    return outputs[wanted.name]

@@ -7,6 +7,7 @@ import asyncio
 import io
 import re
 import sys
+import time
 from collections.abc import AsyncIterator
 from dataclasses import dataclass
 from pathlib import PurePath
@@ -16,9 +17,11 @@ from fastapi import Request
 from python_multipart.exceptions import FormParserError
 from python_multipart.multipart import MultipartParser, parse_options_header
 
-from meshconv3d.model.errors import MalformedFile, UnknownFormat
 from meshconv3d.model.loading import FORMATS
-from meshconv3d.service.http.errors import TooManyMeshes
+from meshconv3d.service.http.admission import admitted, declared_length
+from meshconv3d.service.http.context import context_of
+from meshconv3d.service.http.problems import RequestError
+from meshconv3d.service.settings import Settings
 
 MULTIPART = "multipart/form-data"
 # Media types that say nothing about the format: the name, if any, and the content decide.
@@ -53,11 +56,15 @@ class Upload:
 
 
 class BodyReader:
-    """Reads a request body piece by piece."""
+    """Reads a request body piece by piece, within its limits.
 
-    def __init__(self, request: Request) -> None:
-        refuse_encoding(request)
-        self._chunks = request.stream()
+    Raises RequestError where it is encoded, too large, too slow, or finds no room.
+    """
+
+    def __init__(self, request: Request, settings: Settings) -> None:
+        self._request = request
+        self._settings = settings
+        self._chunks = self._read_chunks()
         self._rest = memoryview(b"")
 
     async def pieces(self) -> AsyncIterator[bytes]:
@@ -82,48 +89,82 @@ class BodyReader:
             self._rest, count = self._rest[taken:], count - taken
         return content.getvalue()
 
+    async def _read_chunks(self) -> AsyncIterator[bytes]:
+        encoding = self._request.headers.get("content-encoding", "identity").lower()
+        if encoding != "identity":
+            detail = f"content encoding {encoding!r} is not read; send the mesh as it is"
+            raise RequestError(415, "unknown-encoding", detail)
+        limit, seconds = self._settings.max_upload_bytes, self._settings.deadline_seconds
+        share, context = admitted(self._request), context_of(self._request)
+        stream = self._request.stream()
+        came, began = declared_length(self._request.scope), time.monotonic()
+        while came <= limit:
+            try:
+                async with asyncio.timeout(share.expires - time.monotonic()):
+                    chunk = await anext(stream, None)
+            except TimeoutError:
+                detail = f"the request body did not arrive within {seconds:g} s; send it again"
+                close = {"connection": "close"}
+                raise RequestError(408, "upload-too-slow", detail, headers=close) from None
+            if chunk is None:
+                share.enter(1)
+                context.stages.append(("upload", time.monotonic() - began))
+                return
+            share.hold(len(chunk))
+            context.received += len(chunk)
+            came = max(came, context.received)
+            yield chunk
+        detail = (
+            f"the request body is larger than {limit} bytes; simplify the mesh or send a binary "
+            "format (STL, PLY, GLB)"
+        )
+        raise RequestError(413, "body-too-large", detail, limit)
 
-async def read_upload(request: Request) -> Upload:
+
+async def read_upload(request: Request, settings: Settings) -> Upload:
     """The mesh of a request: the form field `file`, or a raw body with a media type.
 
-    Raises MalformedFile for a form without that field, TooManyMeshes for several files,
-    UnknownFormat for another media type, an encoding, or a form that is not UTF-8.
+    Raises RequestError: 400 for a form without that field, 413 for several files, 415 for another
+    media type or a form that is not UTF-8.
     """
     media_type = _media_type(request)
     if media_type == MULTIPART:
-        [upload] = await read_form(request, 1)
+        [upload] = await _read_form(request, settings, 1)
         return upload
-    if media_type in OPAQUE_TYPES:
-        return Upload(await read_body(request), None, None)
-    for extension, known in FORMATS.items():
-        if media_type in known.media_types:
-            return Upload(await read_body(request), None, extension)
-    accepted = ", ".join(known.media_types[0] for known in FORMATS.values())
-    raise UnknownFormat(
-        "unknown-media-type",
-        f"content type {media_type!r} is not one of a mesh; send a form with the field 'file', "
-        f"or a raw body as {accepted} or application/octet-stream",
-    )
-
-
-async def read_uploads(request: Request, most: int) -> list[Upload]:
-    """The meshes of a form: every field `file`, in order, at most `most`.
-
-    Raises as `read_upload`.
-    """
-    if _media_type(request) != MULTIPART:
-        raise UnknownFormat(
-            "unknown-media-type", "several meshes come as a form with one field 'file' for each"
+    extensions = [name for name, known in FORMATS.items() if media_type in known.media_types]
+    if not extensions and media_type not in OPAQUE_TYPES:
+        accepted = ", ".join(known.media_types[0] for known in FORMATS.values())
+        detail = (
+            f"content type {media_type!r} is not one of a mesh; send a form with the field 'file', "
+            f"or a raw body as {accepted} or application/octet-stream"
         )
-    return await read_form(request, most)
+        raise RequestError(415, "unknown-media-type", detail)
+    content = await BodyReader(request, settings).read(sys.maxsize)
+    return Upload(content, None, extensions[0] if extensions else None)
 
 
-async def read_body(request: Request) -> bytes:
-    """The whole body. Raises UnknownFormat for an encoding."""
-    return await BodyReader(request).read(sys.maxsize)
+async def read_uploads(request: Request, settings: Settings) -> list[Upload]:
+    """The meshes of a form: every field `file`, in order. Raises as `read_upload`."""
+    if _media_type(request) != MULTIPART:
+        detail = "several meshes come as a form with one field 'file' for each"
+        raise RequestError(415, "unknown-media-type", detail)
+    return await _read_form(request, settings, settings.max_request_meshes)
 
 
-async def read_form(request: Request, most: int) -> list[Upload]:
+def too_many_meshes(limit: int) -> RequestError:
+    """The error for a request with more meshes than one may bring."""
+    detail = (
+        f"the request brings more meshes than are taken here, which is {limit}; split it up, or "
+        "see /v1/classify/batch"
+    )
+    return RequestError(413, "too-many-meshes", detail, limit)
+
+
+def _media_type(request: Request) -> str:
+    return request.headers.get("content-type", "").partition(";")[0].strip().lower()
+
+
+async def _read_form(request: Request, settings: Settings, most: int) -> list[Upload]:
     """The files in the fields `file` of a form, at least one and at most `most`."""
     _, options = parse_options_header(request.headers["content-type"])
     _check_charset(options.get(b"charset", b"utf-8"))
@@ -132,16 +173,15 @@ async def read_form(request: Request, most: int) -> list[Upload]:
         raise _bad_form(f"its content type names no boundary of 1 to {MAX_BOUNDARY} characters")
     form = _Form(boundary, most)
     try:
-        async for piece in BodyReader(request).pieces():
-            form.feed(piece)
+        async for piece in BodyReader(request, settings).pieces():
+            form.parser.write(piece)
     except FormParserError as error:
         raise _bad_form(str(error)) from None
     if not form.complete:
         raise _bad_form("it is cut off before its last boundary")
     if not form.files:
-        raise MalformedFile(
-            "no-file-field", "the form has no file in the field 'file': curl -F file=@mesh.obj"
-        )
+        detail = "the form has no file in the field 'file': curl -F file=@mesh.obj"
+        raise RequestError(400, "no-file-field", detail)
     # A name without an extension declares no format: the content decides, as for a path.
     return [
         Upload(content.getvalue(), name or None, PurePath(name).suffix or None)
@@ -150,7 +190,7 @@ async def read_form(request: Request, most: int) -> list[Upload]:
 
 
 class _Form:
-    """The files of a form, as its parser reports them part by part."""
+    """The files of a form, as its parser reports them. parser: raises RequestError, too."""
 
     def __init__(self, boundary: bytes, most: int) -> None:
         self.files: list[tuple[str, io.BytesIO]] = []
@@ -159,7 +199,7 @@ class _Form:
         self._others = 0
         self._field, self._value, self._disposition = b"", b"", b""
         self._content: io.BytesIO | None = None
-        self._parser = MultipartParser(
+        self.parser = MultipartParser(
             boundary,
             {
                 "on_part_begin": self._begin_part,
@@ -172,10 +212,6 @@ class _Form:
             },
             max_header_size=MAX_HEADER_BYTES,
         )
-
-    def feed(self, piece: bytes) -> None:
-        """Parse the next bytes. Raises FormParserError, TooManyMeshes or MalformedFile."""
-        self._parser.write(piece)
 
     def _begin_part(self) -> None:
         self._disposition = b""
@@ -205,7 +241,7 @@ class _Form:
         else:
             self._others += 1
         if len(self.files) > self._most:
-            raise TooManyMeshes(self._most)
+            raise too_many_meshes(self._most)
         if self._others > MAX_OTHER_PARTS:
             raise _bad_form(f"it has more than {MAX_OTHER_PARTS} other fields")
 
@@ -233,26 +269,10 @@ def _extended_name(disposition: bytes) -> str | None:
 
 def _check_charset(charset: bytes) -> None:
     if charset.lower() not in UTF8:
-        raise UnknownFormat(
-            "unknown-charset", "the form names a charset other than UTF-8; send it as UTF-8"
-        )
+        detail = "the form names a charset other than UTF-8; send it as UTF-8"
+        raise RequestError(415, "unknown-charset", detail)
 
 
-def _bad_form(reason: str) -> MalformedFile:
-    return MalformedFile(
-        "bad-request",
-        f"the form cannot be read: {reason}; send it as 'curl -F file=@mesh.obj' does",
-    )
-
-
-def refuse_encoding(request: Request) -> None:
-    """Raises UnknownFormat for a compressed body."""
-    encoding = request.headers.get("content-encoding", "identity").lower()
-    if encoding != "identity":
-        raise UnknownFormat(
-            "unknown-encoding", f"content encoding {encoding!r} is not read; send the mesh as it is"
-        )
-
-
-def _media_type(request: Request) -> str:
-    return request.headers.get("content-type", "").partition(";")[0].strip().lower()
+def _bad_form(reason: str) -> RequestError:
+    detail = f"the form cannot be read: {reason}; send it as 'curl -F file=@mesh.obj' does"
+    return RequestError(400, "bad-request", detail)

@@ -2,21 +2,30 @@
 
 import logging
 from collections.abc import AsyncIterator, Sequence
+from dataclasses import asdict
+from typing import Annotated
 
-from fastapi import APIRouter, HTTPException, Request, Response
-from fastapi.responses import StreamingResponse
+from fastapi import FastAPI, Query, Request, Response
+from fastapi.responses import FileResponse, StreamingResponse
 from starlette.requests import ClientDisconnect
 from starlette.types import Receive, Scope, Send
 
+from meshconv3d.model.loading import FORMATS
+from meshconv3d.model.samples import sample_paths
 from meshconv3d.service.attribution import FORMS, explained_class
 from meshconv3d.service.attribution.legend import ExplainedAnswer
-from meshconv3d.service.http.description import BINARY, FILE_BODY, FILES_BODY, WORK_ERRORS, problems
-from meshconv3d.service.http.direct import Asked, AskedWhy, DirectRoute, described, read_query
-from meshconv3d.service.http.negotiation import preferred
-from meshconv3d.service.http.notes import notes_of
-from meshconv3d.service.http.problems import reason
-from meshconv3d.service.http.serving import Outcome, Serving
+from meshconv3d.service.http.context import context_of
+from meshconv3d.service.http.dispatch import Dispatcher
+from meshconv3d.service.http.openapi import (
+    BINARY,
+    FILE_BODY,
+    FILES_BODY,
+    WORK_ERRORS,
+    problem_responses,
+)
+from meshconv3d.service.http.problems import RequestError, request_error
 from meshconv3d.service.http.uploads import Upload, read_upload, read_uploads
+from meshconv3d.service.prediction import Failure, Prediction
 from meshconv3d.service.records import Answer, record, to_json
 from meshconv3d.service.workers import ExplanationOptions, Task, TaskFailed
 
@@ -26,86 +35,120 @@ JSON_LINES = "application/x-ndjson"
 # The forms of an explanation that are files.
 COLOURED = [FORMS[name].media_type for name in ("glb", "ply")]
 
+# The name of the default stays out of the description, which needs no key.
+ModelName = Annotated[
+    str | None, Query(description="name of the model; by default the first of /v1/models")
+]
+Top = Annotated[int | None, Query(ge=1, description="only the N likeliest")]
+ClassName = Annotated[
+    str | None, Query(alias="class", description="class to explain; by default the likeliest")
+]
 
-def v1_routes(serving: Serving) -> APIRouter:
-    """Classify one mesh or several, and explain one."""
-    router = APIRouter(prefix="/v1", route_class=DirectRoute)
 
-    @router.post(
-        "/classify",
+def add_v1_routes(app: FastAPI, dispatcher: Dispatcher) -> None:
+    """Add the routes that classify, explain and describe."""
+
+    @app.post(
+        "/v1/classify",
         response_model=Answer,
-        responses=problems(*WORK_ERRORS),
-        openapi_extra=described(Asked, FILE_BODY),
+        responses=problem_responses(*WORK_ERRORS),
+        openapi_extra=FILE_BODY,
     )
-    async def classify(request: Request) -> Response:
+    async def classify(request: Request, model: ModelName = None, top: Top = None) -> Response:
         """Classify one mesh: the form field `file`, or a raw body with a model media type."""
-        asked = read_query(request, Asked)
-        model = serving.model(asked.model).card.name
-        upload = await read_upload(request)
-        prediction = await serving.predict(request, _task(upload, model))
-        content = to_json(record(upload.name, prediction, asked.top))
+        name = dispatcher.model(model).card.name
+        upload = await read_upload(request, dispatcher.settings)
+        prediction = await dispatcher.predict(request, _task(upload, name))
+        content = to_json(record(upload.name, prediction, top))
         return Response(content, media_type="application/json")
 
-    @router.post(
-        "/classify/batch",
+    @app.post(
+        "/v1/classify/batch",
         response_class=StreamingResponse,
         responses={
             200: {
                 "description": "A line for each file, in order: an Answer, or a Refusal.",
                 "content": {JSON_LINES: {"schema": {"type": "string"}}},
             },
-            **problems(*WORK_ERRORS),
+            **problem_responses(*WORK_ERRORS),
         },
-        openapi_extra=described(Asked, FILES_BODY),
+        openapi_extra=FILES_BODY,
     )
-    async def classify_batch(request: Request) -> Response:
+    async def classify_batch(
+        request: Request, model: ModelName = None, top: Top = None
+    ) -> Response:
         """Classify several meshes: the form fields `file`. Each is answered by a line as soon as it
         and those before it are done; one that cannot be classified says why in its line."""
-        asked = read_query(request, Asked)
-        model = serving.model(asked.model).card.name
-        uploads = await read_uploads(request, serving.settings.max_request_meshes)
-        tasks = [_task(upload, model) for upload in uploads]
-        jobs = await serving.submit(request, tasks)
+        name = dispatcher.model(model).card.name
+        uploads = await read_uploads(request, dispatcher.settings)
+        jobs = await dispatcher.submit(request, [_task(upload, name) for upload in uploads])
         names = [upload.name for upload in uploads]
-        lines = _lines(names, serving.outcomes(request, jobs), asked.top)
-        return _Lines(lines, media_type=JSON_LINES)
+        return _Lines(_lines(names, dispatcher.results(request, jobs), top), media_type=JSON_LINES)
 
-    @router.post(
-        "/explain",
+    @app.post(
+        "/v1/explain",
         response_model=ExplainedAnswer,
         responses={
             200: {"content": {media_type: {"schema": BINARY} for media_type in COLOURED}},
-            **problems(406, *WORK_ERRORS),
+            **problem_responses(406, *WORK_ERRORS),
         },
-        openapi_extra=described(AskedWhy, FILE_BODY),
+        openapi_extra=FILE_BODY,
     )
-    async def explain(request: Request) -> Response:
-        """Say what each face of one mesh adds to the score of a class.
+    async def explain(
+        request: Request, model: ModelName = None, label: ClassName = None
+    ) -> Response:
+        """Explain what each face of one mesh adds to the score of a class.
 
         The header Accept chooses: the mesh in colours, as GLB (the default) or PLY, or the numbers
         as JSON.
         """
-        asked = read_query(request, AskedWhy)
-        card = serving.model(asked.model).card
-        explained_class(card.config.classes, card.config.pooling, asked.label)
+        card = dispatcher.model(model).card
+        explained_class(card.config.classes, card.config.pooling, label)
         form = _acceptable_form(request)
-        upload = await read_upload(request)
-        options = ExplanationOptions(form, asked.label)
+        upload = await read_upload(request, dispatcher.settings)
+        options = ExplanationOptions(form, label)
         task = Task(card.name, upload.content, upload.name, upload.declared, options)
-        prediction = await serving.predict(request, task)
+        prediction = await dispatcher.predict(request, task)
         headers = {"vary": "accept"}
-        return Response(prediction.explanation, media_type=FORMS[form].media_type, headers=headers)
+        return Response(prediction.explanation, 200, headers, FORMS[form].media_type)
 
-    return router
+    @app.get("/v1/limits", responses=problem_responses(401))
+    async def limits() -> dict:
+        """The most that one upload may hold."""
+        settings = dispatcher.settings
+        return {"upload_bytes": settings.max_upload_bytes, **asdict(settings.limits)}
 
+    @app.get("/v1/models", responses=problem_responses(401))
+    async def list_models() -> dict:
+        """The models that are served, each with its card; the first is the default."""
+        return {"models": [info.to_dict() for info in dispatcher.pool.models.values()]}
 
-def _acceptable_form(request: Request) -> str:
-    """The form that the request would like best. Raises HTTPException."""
-    by_type = {form.media_type: name for name, form in FORMS.items()}
-    media_type = preferred(request.headers.get("accept", ""), list(by_type))
-    if media_type is None:
-        raise HTTPException(406, f"explanations come as {', '.join(by_type)}")
-    return by_type[media_type]
+    @app.get("/v1/models/{name}", responses=problem_responses(401, 404))
+    async def get_model(name: str) -> dict:
+        """The card of one model."""
+        return dispatcher.model(name).to_dict()
+
+    @app.get("/v1/samples", responses=problem_responses(401))
+    async def list_samples() -> dict:
+        """The sample meshes in the package, one of each class that they show."""
+        return {
+            "samples": [
+                {"class": name, "file": path.name, "bytes": path.stat().st_size}
+                for name, path in sample_paths().items()
+            ]
+        }
+
+    @app.get(
+        "/v1/samples/{file}", responses=problem_responses(401, 404), response_class=FileResponse
+    )
+    async def get_sample(file: str) -> FileResponse:
+        """One sample mesh."""
+        found = {path.name: path for path in sample_paths().values()}
+        if file not in found:
+            detail = f"no sample {file!r}, but {', '.join(found)}"
+            raise RequestError(404, "not-found", detail)
+        path = found[file]
+        return FileResponse(path, media_type=FORMATS[path.suffix[1:]].media_types[0])
 
 
 def _task(upload: Upload, model: str) -> Task:
@@ -113,26 +156,70 @@ def _task(upload: Upload, model: str) -> Task:
 
 
 class _Lines(StreamingResponse):
-    """Lines that are sent one by one, as long as there is somebody to take them."""
+    """Lines that are sent one by one until the client has gone."""
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         try:
             await self.stream_response(send)
         except ClientDisconnect:
-            notes_of(Request(scope)).fault = "client-gone"
+            context_of(Request(scope)).fault = "client-gone"
 
 
 async def _lines(
-    names: Sequence[str | None], outcomes: AsyncIterator[Outcome], top: int | None
+    names: Sequence[str | None],
+    results: AsyncIterator[Prediction | Exception],
+    top: int | None,
 ) -> AsyncIterator[bytes]:
-    """The outcomes as JSON Lines, each file's under its name."""
+    """The records as JSON Lines, each with the name of its file."""
     remaining = iter(names)
-    async for outcome in outcomes:
-        yield _line(next(remaining), outcome, top) + b"\n"
+    async for result in results:
+        if isinstance(result, Exception):
+            if isinstance(result, TaskFailed):
+                log.error("one mesh of a batch failed: %s", result)
+            error = request_error(result)
+            result = Failure(error.fault, str(error))
+        yield to_json(record(next(remaining), result, top)) + b"\n"
 
 
-def _line(name: str | None, outcome: Outcome, top: int | None) -> bytes:
-    if isinstance(outcome, TaskFailed):
-        log.error("one mesh of a batch failed: %s", outcome)
-    result = reason(outcome) if isinstance(outcome, Exception) else outcome
-    return to_json(record(name, result, top))
+def _acceptable_form(request: Request) -> str:
+    """The form of an explanation that the request prefers. Raises RequestError."""
+    by_type = {form.media_type: name for name, form in FORMS.items()}
+    media_type = preferred(request.headers.get("accept", ""), list(by_type))
+    if media_type is None:
+        detail = f"explanations come as {', '.join(by_type)}"
+        raise RequestError(406, "not-acceptable", detail)
+    return by_type[media_type]
+
+
+def preferred(accept: str, offered: Sequence[str]) -> str | None:
+    """The media type of `offered` that an Accept header prefers; the earlier one of equals.
+
+    None if it accepts none of them. An empty header accepts all.
+    """
+    ranges = [_range(part) for part in accept.split(",") if part.strip()]
+    if not ranges:
+        return offered[0]
+    best = max(offered, key=lambda media_type: _quality(media_type, ranges))
+    return best if _quality(best, ranges) > 0 else None
+
+
+def _range(text: str) -> tuple[str, float]:
+    media_type, *parameters = (part.strip().lower() for part in text.split(";"))
+    for parameter in parameters:
+        name, _, value = parameter.partition("=")
+        if name.strip() == "q":
+            try:
+                return media_type, float(value)
+            except ValueError:
+                return media_type, 0.0
+    return media_type, 1.0
+
+
+def _quality(media_type: str, ranges: Sequence[tuple[str, float]]) -> float:
+    """The quality of the most exact range that matches, or 0."""
+    kind = media_type.partition("/")[0]
+    for matching in (media_type, f"{kind}/*", "*/*"):
+        for name, quality in ranges:
+            if name == matching:
+                return quality
+    return 0.0

@@ -1,5 +1,9 @@
 """The files in deploy/ are what the platforms take, and fit the service that they start."""
 
+import json
+import os
+import re
+import urllib.request
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +16,7 @@ from starlette.routing import Route
 from meshconv3d.model.loading import Limits
 from meshconv3d.service.http.admission import Admission
 from meshconv3d.service.http.app import create_app
-from meshconv3d.service.http.observing import Observed
+from meshconv3d.service.http.telemetry import TelemetryMiddleware
 from meshconv3d.service.settings import Settings
 from meshconv3d.service.workers import Setup, WorkerPool
 from tests.results import model_info
@@ -68,7 +72,7 @@ def paths() -> set[str]:
     pool = WorkerPool(Setup((), Limits(), memory_bytes=0, seconds=1.0), workers=0)
     pool.models = {"any": model_info()}
     app = create_app(pool, Admission(9, 9999, 9.0, workers=1), Settings())
-    assert isinstance(app, Observed)
+    assert isinstance(app, TelemetryMiddleware)
     return {route.path for route in app.routes if isinstance(route, Route)}
 
 
@@ -154,13 +158,23 @@ def test_parts_find_each_other() -> None:
     assert (target["kind"], target["name"]) == ("Deployment", deployment["metadata"]["name"])
 
 
-def test_compose_asks_and_publishes_the_port_of_the_service(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_compose_publishes_the_port_of_the_service(monkeypatch: pytest.MonkeyPatch) -> None:
     port = settings_of("compose.yaml", monkeypatch).port
     (published,) = compose()["ports"]
     assert published.rpartition(":")[2] == str(port)
-    assert f":{port}/readyz" in compose()["healthcheck"]["test"][-1]
+    assert compose()["cpus"] >= 1
+
+
+@pytest.mark.parametrize("port", [None, 8123])
+def test_the_health_check_of_the_image_follows_the_port(port: int | None) -> None:
+    (check,) = re.findall(r"HEALTHCHECK .*\\\n +CMD (\[.*\])", (ROOT / "Dockerfile").read_text())
+    asked: list[str] = []
+    environ = {} if port is None else {"MESHCONV3D_PORT": str(port)}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(os, "environ", environ)
+        patch.setattr(urllib.request, "urlopen", lambda url, timeout: asked.append(url))
+        exec(json.loads(check)[2], {})
+    assert asked == [f"http://127.0.0.1:{port or 8000}/readyz"]
 
 
 @EVERY

@@ -2,7 +2,8 @@
 
 import pytest
 
-from meshconv3d.service.http.admission import Admission, Full
+from meshconv3d.service.http.admission import Admission
+from meshconv3d.service.http.problems import Full
 
 
 class Clock:
@@ -19,7 +20,7 @@ def clock() -> Clock:
 
 @pytest.fixture
 def admission(clock: Clock) -> Admission:
-    return Admission(most_requests=100, most_bytes=1000, patience=10.0, workers=2, clock=clock)
+    return Admission(max_meshes=100, max_bytes=1000, patience=10.0, workers=2, clock=clock)
 
 
 def busy(admission: Admission, clock: Clock, seconds: float) -> None:
@@ -46,11 +47,11 @@ def test_places_are_counted(admission: Admission) -> None:
 def test_uploads_take_bytes_but_no_place(admission: Admission) -> None:
     for _ in range(200):
         admission.arrive()
-        admission.hold(5)
+        admission.reserve(5)
     with pytest.raises(Full, match="1000 bytes"):
-        admission.hold(1)
-    admission.release(5)
-    admission.hold(5)
+        admission.reserve(1)
+    admission.reserved_bytes -= 5
+    admission.reserve(5)
 
 
 def test_the_wait_follows_from_the_rate(admission: Admission, clock: Clock) -> None:

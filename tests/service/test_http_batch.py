@@ -129,7 +129,7 @@ class Played:
         self.pool = PatientPool()
         self.app = create_app(self.pool, Admission(9, 9999, 9.0, workers=1), Settings())
         self.request = httpx.Request(
-            "POST", "http://any/v1/classify/batch", files=form(*[("a.obj", b"v")] * 3)
+            "POST", "http://localhost/v1/classify/batch", files=form(*[("a.obj", b"v")] * 3)
         )
         self.leaves = asyncio.Event()
         self.sent: list[bytes] = []
@@ -196,7 +196,7 @@ def test_errors_of_a_batch_keep_nothing_of_it() -> None:
 
 @pytest.mark.parametrize("running", [False, True])
 def test_who_leaves_midway_is_told_apart(caplog: pytest.LogCaptureFixture, running: bool) -> None:
-    caplog.set_level("INFO", "meshconv3d.service.http.observing")
+    caplog.set_level("INFO", "meshconv3d.service.http.telemetry")
 
     async def play() -> None:
         played = Played()

@@ -8,7 +8,7 @@ import httpx
 import pytest
 
 from meshconv3d.model.loading import load_mesh
-from meshconv3d.service.http.negotiation import preferred
+from meshconv3d.service.http.v1 import preferred
 from tests.commands import meshconv3d
 from tests.service.conftest import Service
 

@@ -8,7 +8,8 @@ from pathlib import Path
 import httpx
 import pytest
 
-from meshconv3d.service.http.keys import OPEN_PATHS
+from meshconv3d.service.http.access import OPEN_PATHS
+from meshconv3d.service.settings import Settings
 from tests.commands import meshconv3d
 from tests.service.conftest import Service
 from tests.service.test_http_problems import problem_of
@@ -60,7 +61,9 @@ def test_nothing_else_opens(guarded: Service, headers: dict[str, str], fault: st
 def test_a_body_without_a_key_is_not_waited_for(guarded: Service) -> None:
     host, port = guarded.url.removeprefix("http://").split(":")
     with socket.create_connection((host, int(port)), timeout=30) as connection:
-        connection.sendall(b"POST /v1/classify HTTP/1.1\r\nHost: a\r\nContent-Length: 99\r\n\r\n")
+        connection.sendall(
+            b"POST /v1/classify HTTP/1.1\r\nHost: localhost\r\nContent-Length: 99\r\n\r\n"
+        )
         assert connection.recv(1000).startswith(b"HTTP/1.1 401 ")
 
 
@@ -152,6 +155,82 @@ def test_pages_of_other_origins_may_not(guarded: Service, service: Service) -> N
         ]
         for answer in answers:
             assert "access-control-allow-origin" not in answer.headers
+
+
+@pytest.mark.parametrize(
+    ("site", "origin", "status"),
+    [
+        ("cross-site", ORIGIN, 422),
+        ("cross-site", "https://other.example", 403),
+        ("cross-site", None, 403),
+        ("same-origin", None, 422),
+        ("none", None, 422),
+    ],
+)
+def test_forms_of_other_sites_are_refused(
+    guarded: Service, site: str, origin: str | None, status: int
+) -> None:
+    headers = {"sec-fetch-site": site, "x-api-key": KEYS[0]} | (
+        {"origin": origin} if origin else {}
+    )
+    url = f"{guarded.url}/v1/classify"
+    response = httpx.post(url, files={"file": ("a.obj", b"v 0 0 0")}, headers=headers)
+    problem = problem_of(response, status)
+    assert problem["fault"] == ("cross-site" if status == 403 else "no-faces")
+    assert httpx.get(guarded.url, headers=headers).status_code == 200
+
+
+@pytest.mark.parametrize(
+    ("host", "allowed"),
+    [
+        ("localhost", True),
+        ("LOCALHOST.:8000", True),
+        ("127.0.0.1:1", True),
+        ("[::1]:8000", True),
+        ("rebound.example", False),
+        ("localhost.rebound.example", False),
+        ("127.0.0.1.rebound.example:8000", False),
+        ("", False),
+    ],
+)
+def test_a_loopback_service_answers_for_loopback_names(
+    service: Service, host: str, allowed: bool
+) -> None:
+    for path in ("/", "/v1/models", "/metrics"):
+        response = httpx.get(f"{service.url}{path}", headers={"host": host})
+        if allowed:
+            assert response.status_code == 200
+        else:
+            assert problem_of(response, 421)["fault"] == "unknown-host"
+    assert httpx.get(f"{service.url}/readyz", headers={"host": host}).status_code == 200
+
+
+@pytest.mark.parametrize(
+    ("settings", "names"),
+    [
+        ({}, {"localhost", "127.0.0.1", "::1"}),
+        ({"host": "::1"}, {"localhost", "127.0.0.1", "::1"}),
+        ({"host": "0.0.0.0"}, None),
+        ({"host": "mesh.example"}, None),
+        ({"allowed_hosts": ("Mesh.Example", "[::1]")}, {"mesh.example", "::1"}),
+        ({"allowed_hosts": ("*",)}, None),
+    ],
+)
+def test_host_names_follow_from_the_address(settings: dict, names: set[str] | None) -> None:
+    assert Settings(**settings).host_names == names
+
+
+def test_metrics_have_a_port_of_their_own(start: Callable[..., Service]) -> None:
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    guarded = start("--workers", "1", "--metrics-port", str(port), "--api-key", KEYS[0])
+    metrics = f"http://127.0.0.1:{port}"
+    key = {"x-api-key": KEYS[0]}
+    assert "meshconv3d_workers_alive 1.0" in httpx.get(f"{metrics}/metrics").text
+    assert httpx.get(f"{metrics}/v1/models", headers=key).status_code == 404
+    assert httpx.get(f"{guarded.url}/metrics", headers=key).status_code == 404
+    assert httpx.get(f"{guarded.url}/v1/models", headers=key).status_code == 200
 
 
 @pytest.mark.parametrize("origin", ["*", "viewer.example", "https://a.example/path", "null"])

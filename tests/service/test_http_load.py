@@ -40,13 +40,18 @@ def classify(service: Service, content: bytes) -> httpx.Response:
 
 @contextmanager
 def connection(service: Service) -> Iterator[socket.socket]:
-    host, port = service.url.removeprefix("http://").split(":")
-    with socket.create_connection((host, int(port)), timeout=30) as opened:
+    with socket.create_connection(address(service), timeout=30) as opened:
         yield opened
 
 
+def address(service: Service) -> tuple[str, int]:
+    host, port = service.url.removeprefix("http://").split(":")
+    return host, int(port)
+
+
 def head(length: int) -> bytes:
-    return f"POST /v1/classify HTTP/1.1\r\nHost: a\r\nContent-Length: {length}\r\n\r\n".encode()
+    lines = ["POST /v1/classify HTTP/1.1", "Host: localhost", f"Content-Length: {length}"]
+    return "\r\n".join([*lines, "", ""]).encode()
 
 
 @contextmanager
@@ -91,7 +96,7 @@ def test_an_upload_that_dawdles_ends_at_the_deadline(hasty: Service) -> None:
     assert "Traceback" not in hasty.log.read_text()
 
 
-@pytest.mark.parametrize("sent", [b"", b"GET /livez HTTP/1.1\r\nHost: a\r\n"])
+@pytest.mark.parametrize("sent", [b"", b"GET /livez HTTP/1.1\r\nHost: localhost\r\n"])
 def test_a_request_that_never_comes_ends_the_connection(hasty: Service, sent: bytes) -> None:
     with connection(hasty) as slow:
         slow.sendall(sent)

@@ -11,7 +11,7 @@ import pytest
 from meshconv3d.model.loading import Limits
 from meshconv3d.model.samples import sample_paths
 from meshconv3d.service.http.admission import Admission
-from meshconv3d.service.http.metrics import Metrics
+from meshconv3d.service.http.telemetry import Metrics
 from meshconv3d.service.workers import WorkerPool
 from meshconv3d.service.workers.tasks import Setup
 from tests.processes import until, workers

@@ -138,7 +138,7 @@ def test_a_body_of_just_the_limit_is_read(client: httpx.Client, meshes: Path) ->
 def test_a_claimed_length_over_the_limit_is_refused_unread(service: Service) -> None:
     host, port = service.url.removeprefix("http://").split(":")
     with socket.create_connection((host, int(port)), timeout=30) as connection:
-        head = "POST /v1/classify HTTP/1.1\r\nHost: a\r\nContent-Type: model/stl\r\n"
+        head = "POST /v1/classify HTTP/1.1\r\nHost: localhost\r\nContent-Type: model/stl\r\n"
         connection.sendall(f"{head}Content-Length: {10**12}\r\n\r\n".encode())
         assert connection.recv(1000).startswith(b"HTTP/1.1 413 ")
 
@@ -169,7 +169,7 @@ def test_an_unforeseen_failure_hides_its_reason_and_names_the_request() -> None:
     transport = httpx.ASGITransport(app, raise_app_exceptions=False)
 
     async def ask() -> httpx.Response:
-        async with httpx.AsyncClient(transport=transport, base_url="http://service") as client:
+        async with httpx.AsyncClient(transport=transport, base_url="http://localhost") as client:
             return await client.post("/v1/classify", content=b"v 0 0 0")
 
     response = anyio.run(ask)

@@ -19,7 +19,7 @@ import onnx
 import pytest
 
 from meshconv3d.export.metadata import PREFIX
-from meshconv3d.service.http.listening import CannotListen, listen
+from meshconv3d.service.http.server import CannotListen, listen
 from meshconv3d.service.settings import Settings
 from tests.commands import PROGRAM, meshconv3d
 from tests.processes import family, held, until, workers
@@ -38,7 +38,9 @@ def test_a_stop_lets_the_running_request_finish(
     content = (meshes / "ring.obj").read_bytes()
     host, port = service.url.removeprefix("http://").split(":")
     with socket.create_connection((host, int(port)), timeout=30) as connection:
-        head = f"POST /v1/classify HTTP/1.1\r\nHost: a\r\nContent-Length: {len(content)}\r\n"
+        head = (
+            f"POST /v1/classify HTTP/1.1\r\nHost: localhost\r\nContent-Length: {len(content)}\r\n"
+        )
         connection.sendall(head.encode() + b"Expect: 100-continue\r\n\r\n")
         assert connection.recv(1000).startswith(b"HTTP/1.1 100 ")  # the request has begun
         service.process.send_signal(signal.SIGTERM)
@@ -271,7 +273,7 @@ def test_a_port_that_needs_rights_is_told(monkeypatch: pytest.MonkeyPatch) -> No
 
     monkeypatch.setattr(socket.socket, "bind", refuse)
     with pytest.raises(CannotListen, match=r"below 1024.*choose another with --port"):
-        listen("127.0.0.1", 80)
+        listen("127.0.0.1", 80, 9.0)
 
 
 def test_open_files_are_raised_to_what_the_connections_need(

@@ -9,8 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from meshconv3d.model.errors import MalformedFile
-from meshconv3d.service.http.errors import TooLarge
+from meshconv3d.service.http.problems import RequestError
 from meshconv3d.service.http.tensors import (
     MAX_JSON_BYTES,
     InferenceRequest,
@@ -49,12 +48,12 @@ def test_binary_data_comes_as_it_was_sent(elements: list[bytes]) -> None:
 
 @given(st.binary(max_size=200), st.none() | st.integers(-1, 200).map(str))
 def test_no_bytes_do_worse_than_to_be_refused(body: bytes, length: str | None) -> None:
-    with pytest.raises(MalformedFile, match="not a request of the inference protocol"):
+    with pytest.raises(RequestError, match="not a request of the inference protocol"):
         read(body, length)
 
 
 def test_json_is_bounded() -> None:
-    with pytest.raises(TooLarge) as refused:
+    with pytest.raises(RequestError) as refused:
         read(b" " * (MAX_JSON_BYTES + 1), None)
     assert refused.value.limit == MAX_JSON_BYTES
 
@@ -81,7 +80,7 @@ def of(**changes: object) -> bytes:
     ],
 )
 def test_counts_and_nesting_are_bounded(body: bytes, reason: str) -> None:
-    with pytest.raises(MalformedFile, match=reason):
+    with pytest.raises(RequestError, match=reason):
         read(body, None)
 
 
@@ -94,7 +93,7 @@ def test_values_are_little_endian_and_in_a_row() -> None:
     outputs = {
         "scores": Output("scores", np.array([[1.0, -2.5]], ">f4").astype(np.float32)),
         "unknown": Output("unknown", np.array([True, False])),
-        "class": Output("class", ["é", ""]),
+        "class": Output("class", np.array(["é", ""])),
     }
     request = InferenceRequest(inputs=[], parameters=RequestParameters(binary_data_output=True))
     body, length = answer(request, "any", outputs)

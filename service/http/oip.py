@@ -1,4 +1,4 @@
-"""The Open Inference Protocol, version 2: what inference servers have in common.
+"""The Open Inference Protocol, version 2: the routes that inference servers have in common.
 
 A tensor of n mesh files goes in, tensors of n results come out.
 """
@@ -9,20 +9,21 @@ from pathlib import PurePath
 from typing import Any
 
 import numpy as np
-from fastapi import APIRouter, Request, Response
+from fastapi import FastAPI, Request, Response
 from fastapi.responses import JSONResponse
 
-from meshconv3d.model.errors import MalformedFile, MeshError
+from meshconv3d.model.errors import MeshError
 from meshconv3d.model.loading import FORMATS
-from meshconv3d.service.http.description import (
-    INFERENCE_REQUEST,
+from meshconv3d.service.http.dispatch import Dispatcher
+from meshconv3d.service.http.openapi import (
+    INFERENCE_BODY,
+    NOT_READY,
     WORK_ERRORS,
     InferenceAnswer,
     inference_errors,
 )
-from meshconv3d.service.http.problems import STATUSES, problem
-from meshconv3d.service.http.serving import Serving
-from meshconv3d.service.http.tensors import JSON_LENGTH, Output, answer, read_request
+from meshconv3d.service.http.problems import RequestError, request_error
+from meshconv3d.service.http.tensors import JSON_LENGTH, Output, answer, malformed, read_request
 from meshconv3d.service.http.uploads import BodyReader
 from meshconv3d.service.models import ModelInfo
 from meshconv3d.service.prediction import Prediction
@@ -31,75 +32,73 @@ from meshconv3d.service.workers import Task
 INPUTS = ({"name": "mesh", "datatype": "BYTES"}, {"name": "name", "datatype": "BYTES"})
 
 
-def v2_routes(serving: Serving) -> APIRouter:
-    """The protocol's paths."""
-    router = APIRouter(prefix="/v2")
+def add_inference_routes(app: FastAPI, dispatcher: Dispatcher) -> None:
+    """Add the routes of the protocol."""
 
-    @router.get("", responses=inference_errors(401))
-    async def server() -> dict:
-        """The server, and which extensions of the protocol it knows."""
+    @app.get("/v2", responses=inference_errors(401))
+    async def server_metadata() -> dict:
+        """The server, and the extensions of the protocol that it has."""
         version = importlib.metadata.version("meshconv3d")
         return {"name": "meshconv3d", "version": version, "extensions": ["binary_tensor_data"]}
 
-    @router.get("/health/live")
-    async def live() -> dict:
+    @app.get("/v2/health/live")
+    async def server_live() -> dict:
         """As /livez."""
         return {"live": True}
 
-    not_ready: dict[int | str, dict] = {503: {"description": "Not ready."}}
-
-    @router.get("/health/ready", responses=not_ready)
-    async def ready() -> JSONResponse:
+    @app.get("/v2/health/ready", responses=NOT_READY)
+    async def server_ready() -> JSONResponse:
         """As /readyz."""
-        return JSONResponse({"ready": serving.ready}, 200 if serving.ready else 503)
+        ready = dispatcher.ready
+        return JSONResponse({"ready": ready}, 200 if ready else 503)
 
-    @router.get("/models/{name}", responses=inference_errors(401, 404))
-    async def model(name: str) -> dict:
+    @app.get("/v2/models/{name}", responses=inference_errors(401, 404))
+    async def model_metadata(name: str) -> dict:
         """The tensors of a model; -1 is any number."""
-        return _metadata(serving.model(name))
+        return _metadata(dispatcher.model(name))
 
-    @router.get("/models/{name}/ready", responses=inference_errors(401, 404) | not_ready)
+    @app.get("/v2/models/{name}/ready", responses=inference_errors(401, 404) | NOT_READY)
     async def model_ready(name: str) -> JSONResponse:
         """Whether a model is ready: all are, or none."""
-        serving.model(name)
-        return JSONResponse({"name": name, "ready": serving.ready}, 200 if serving.ready else 503)
+        dispatcher.model(name)
+        ready = dispatcher.ready
+        return JSONResponse({"name": name, "ready": ready}, 200 if ready else 503)
 
-    @router.post(
-        "/models/{name}/infer",
+    @app.post(
+        "/v2/models/{name}/infer",
         responses={
             200: {"model": InferenceAnswer, "content": {"application/octet-stream": {}}},
             **inference_errors(*WORK_ERRORS),
         },
-        openapi_extra=INFERENCE_REQUEST,
+        openapi_extra=INFERENCE_BODY,
     )
     async def infer(request: Request, name: str) -> Response:
         """Classify the meshes of a tensor, all or none: an error names the first that failed."""
-        model = serving.model(name)
+        model = dispatcher.model(name)
         inference, tensors = await read_request(
-            BodyReader(request).read,
+            BodyReader(request, dispatcher.settings).read,
             request.headers.get(JSON_LENGTH),
-            serving.settings.max_request_meshes,
+            dispatcher.settings.max_request_meshes,
         )
-        jobs = await serving.submit(request, _tasks(name, tensors))
-        predictions = []
-        async for outcome in serving.outcomes(request, jobs):
-            if isinstance(outcome, MeshError):
-                detail = f"mesh[{len(predictions)}]: {outcome.fault}: {outcome}"
-                return problem(request, STATUSES[type(outcome)], outcome.fault, detail)
-            if isinstance(outcome, Exception):
-                raise outcome
-            predictions.append(outcome)
+        jobs = await dispatcher.submit(request, _tasks(name, tensors))
+        predictions: list[Prediction] = []
+        async for result in dispatcher.results(request, jobs):
+            if isinstance(result, MeshError):
+                error = request_error(result)
+                detail = f"mesh[{len(predictions)}]: {error.fault}: {error}"
+                raise RequestError(error.status, error.fault, detail)
+            if isinstance(result, Exception):
+                raise result
+            predictions.append(result)
         body, json_length = answer(inference, name, _outputs(model, predictions))
         if json_length is None:
             return Response(body, media_type="application/json")
         headers = {JSON_LENGTH: str(json_length)}
         return Response(body, headers=headers, media_type="application/octet-stream")
 
-    return router
-
 
 def _metadata(model: ModelInfo) -> dict[str, Any]:
-    """What a model's metadata says of its tensors, which are those of an empty answer."""
+    """The metadata of a model: its tensors are those of an empty answer."""
     outputs = [output.describe() for output in _outputs(model, []).values()]
     for output in outputs:
         output["shape"] = [n or -1 for n in output["shape"]]
@@ -112,17 +111,15 @@ def _metadata(model: ModelInfo) -> dict[str, Any]:
 
 
 def _tasks(model: str, tensors: Mapping[str, Sequence[bytes]]) -> list[Task]:
-    """The work in the tensors of a request. Raises MalformedFile where they are others."""
+    """A task for each mesh of a request. Raises RequestError for other tensors."""
     names = [tensor["name"] for tensor in INPUTS]
     if "mesh" not in tensors or not set(tensors) <= set(names):
         found = ", ".join(tensors) or "none"
-        raise MalformedFile("bad-request", f"the inputs are mesh and, if wanted, name, not {found}")
+        raise malformed(f"the inputs are mesh and, if wanted, name, not {found}")
     contents = tensors["mesh"]
     declared = tensors.get("name", [b""] * len(contents))
     if len(declared) != len(contents):
-        raise MalformedFile(
-            "bad-request", f"{len(contents)} meshes come with {len(declared)} names"
-        )
+        raise malformed(f"{len(contents)} meshes come with {len(declared)} names")
     return [
         Task(model, content, None, _declared(name.decode(errors="replace")))
         for content, name in zip(contents, declared, strict=True)
@@ -130,21 +127,21 @@ def _tasks(model: str, tensors: Mapping[str, Sequence[bytes]]) -> list[Task]:
 
 
 def _declared(name: str) -> str | None:
-    """What a name tells of the format: its extension, or all of it where it is one."""
+    """The format that a name declares: its extension, or all of it where it is one."""
     return name if name.lower() in FORMATS else PurePath(name).suffix or None
 
 
 def _outputs(model: ModelInfo, results: Sequence[Prediction]) -> dict[str, Output]:
-    """The tensors of n results. `unknown` is there if the model has a limit for it."""
+    """The tensors of n results; `unknown` only if the model has a limit for it."""
     classes = model.card.config.classes
     shape = len(results), len(classes)
-    scores = np.array([result.scores for result in results], np.float32).reshape(shape)
+    scores = np.array([result.scores for result in results], np.float32)
     probabilities = np.array([result.probabilities for result in results], np.float32)
     outputs = [
-        Output("scores", scores),
+        Output("scores", scores.reshape(shape)),
         Output("probabilities", probabilities.reshape(shape)),
-        Output("class", [result.label for result in results]),
-        Output("classes", classes),
+        Output("class", np.array([result.label for result in results], np.str_)),
+        Output("classes", np.array(classes, np.str_)),
     ]
     if model.card.calibration is not None:
         outputs.append(Output("unknown", np.array([result.unknown for result in results], bool)))
