@@ -12,6 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import trimesh
 
 from meshconv3d.model.datasets import find_samples
 from meshconv3d.model.errors import UnusableMesh
@@ -26,12 +27,34 @@ RESULTS = Path(__file__).parent / "results"
 
 Change = Callable[[Mesh, np.random.Generator], Mesh]
 
+
+def with_stray_part(mesh: Mesh, rng: np.random.Generator) -> Mesh:
+    """A small ball beside it: 3 % of the diagonal in radius."""
+    ball = trimesh.creation.icosphere(subdivisions=1, radius=0.03 * variation.diagonal(mesh))
+    beside = mesh.vertices[rng.integers(len(mesh.vertices))]
+    place = beside + rng.normal(0, 0.1 * variation.diagonal(mesh), 3)
+    return Mesh(
+        np.concatenate([mesh.vertices, ball.vertices + place]),
+        np.concatenate([mesh.faces, ball.faces + len(mesh.vertices)]),
+    )
+
+
+def inverted(mesh: Mesh) -> Mesh:
+    """Every face wound the other way."""
+    return Mesh(mesh.vertices, mesh.faces[:, ::-1])
+
+
+def as_soup(mesh: Mesh) -> Mesh:
+    """Three vertices of its own for every face, as in STL."""
+    return Mesh(mesh.vertices[mesh.faces].reshape(-1, 3), np.arange(mesh.faces.size).reshape(-1, 3))
+
+
 # Of the mesh as it is in its file.
 CHANGES_OF_FILES: dict[str, Change] = {
     "unchanged": lambda mesh, rng: mesh,
     "rotated at random": lambda mesh, rng: mesh.moved(mesh.vertices @ random_rotation(rng).T),
-    "winding inverted": lambda mesh, rng: variation.inverted(mesh),
-    "triangle soup": lambda mesh, rng: variation.as_soup(mesh),
+    "winding inverted": lambda mesh, rng: inverted(mesh),
+    "triangle soup": lambda mesh, rng: as_soup(mesh),
 }
 # Of the prepared mesh, which is sound; what they make of it is prepared once more.
 CHANGES: dict[str, Change] = {
@@ -44,7 +67,7 @@ CHANGES: dict[str, Change] = {
     "noise, 1 % of the diagonal": lambda mesh, rng: variation.noisy(mesh, 0.01, rng),
     "5 % of the faces cut out": lambda mesh, rng: variation.cut(mesh, 0.05, rng),
     "10 % of the faces cut out": lambda mesh, rng: variation.cut(mesh, 0.1, rng),
-    "a small ball beside it": variation.with_stray_part,
+    "a small ball beside it": with_stray_part,
 }
 
 

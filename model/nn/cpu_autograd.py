@@ -1,4 +1,4 @@
-"""The two gathers of the network with their gradients, for training on a CPU.
+"""The convolution over patches with its gradient, for training on a CPU.
 
 In torch operations a patch is a tensor of N x K x C, and every step of the arithmetic keeps another
 one for the gradient. These compiled loops gather a block of faces that fits the cache, multiply it
@@ -67,24 +67,6 @@ def _blocks(table: Tensor, index: Tensor, summed: bool) -> Iterator[tuple[int, T
         yield first, block
 
 
-class GatherMean(torch.autograd.Function):
-    """`model.nn.layers.gather_mean`: N x C, M x W -> M x C."""
-
-    @staticmethod
-    def forward(ctx, features: Tensor, index: Tensor) -> Tensor:
-        table, index = features.detach().contiguous(), index.contiguous()
-        ctx.save_for_backward(index)
-        ctx.rows = len(table)
-        return torch.from_numpy(_gather_means(table.numpy(), index.numpy()))
-
-    @staticmethod
-    @once_differentiable
-    def backward(ctx, gradient: Tensor) -> tuple[Tensor, None]:
-        (index,) = ctx.saved_tensors
-        spread = _spread_means(index.numpy(), gradient.contiguous().numpy(), ctx.rows)
-        return torch.from_numpy(spread), None
-
-
 @kernel
 def _share(index: NDArray[np.int32]) -> float:
     """1 / number of faces in a row of an index; 1 for an empty row."""
@@ -149,32 +131,3 @@ def _spread_patches(
                     towards = by_difference[c] * ((difference > 0) - (difference < 0))
                     spread_other[c] += by_total[c] + towards
                     spread[c] -= towards
-
-
-@kernel
-def _gather_means(table: NDArray, index: NDArray[np.int32]) -> NDArray:
-    channels = table.shape[1]
-    out = np.zeros((len(index), channels), table.dtype)
-    for row in range(len(index)):
-        share = table.dtype.type(_share(index[row]))
-        mean = out[row]
-        for entry in index[row]:
-            if entry > 0:
-                for c in range(channels):
-                    mean[c] += table[entry - 1, c]
-        for c in range(channels):
-            mean[c] *= share
-    return out
-
-
-@kernel
-def _spread_means(index: NDArray[np.int32], gradient: NDArray, rows: int) -> NDArray:
-    channels = gradient.shape[1]
-    out = np.zeros((rows, channels), gradient.dtype)
-    for row in range(len(index)):
-        share = gradient.dtype.type(_share(index[row]))
-        for entry in index[row]:
-            if entry > 0:
-                for c in range(channels):
-                    out[entry - 1, c] += gradient[row, c] * share
-    return out

@@ -2,25 +2,27 @@
 
 import torch
 from torch import Tensor, nn
+from torch.nn.functional import embedding_bag
 
-from meshconv3d.model.nn.cpu_autograd import GatherMean, PatchLinear
+from meshconv3d.model.nn.cpu_autograd import PatchLinear
 
 # Added to the mean weight of a channel that is zero on all faces of a mesh.
 LEAST_WEIGHT = 1e-6
 
 
 def uses_cpu_autograd(features: Tensor) -> bool:
-    """Whether `model.nn.cpu_autograd` gathers: in training on a CPU, never in an exported graph."""
+    """Whether `model.nn.cpu_autograd` gathers patches: in training on a CPU, not in a graph."""
     return features.requires_grad and features.device.type == "cpu"
 
 
-def gather_rows(features: Tensor, index: Tensor) -> Tensor:
-    """Rows of a feature table by face + 1; 0, the null face, reads zeros.
+def with_null_row(features: Tensor) -> Tensor:
+    """The feature table by face + 1, with zeros for the null face: N x C -> (N + 1) x C."""
+    return torch.cat([features.new_zeros(1, features.shape[1]), features])
 
-    N x C, M x W -> M x W x C.
-    """
-    table = torch.cat([features.new_zeros(1, features.shape[1]), features])
-    rows = table.index_select(0, index.reshape(-1))
+
+def gather_rows(features: Tensor, index: Tensor) -> Tensor:
+    """Rows of a feature table by face + 1: N x C, M x W -> M x W x C."""
+    rows = with_null_row(features).index_select(0, index.reshape(-1))
     return rows.reshape(index.shape[0], index.shape[1], features.shape[1])
 
 
@@ -36,8 +38,8 @@ def reciprocal(present: Tensor) -> Tensor:
 
 def gather_mean(features: Tensor, index: Tensor) -> Tensor:
     """Mean over the faces in each row of the index: N x C, M x W -> M x C."""
-    if uses_cpu_autograd(features):
-        return GatherMean.apply(features, index)
+    if features.requires_grad:  # one operation with a quick gradient, which ONNX lacks
+        return embedding_bag(index, with_null_row(features), mode="mean", padding_idx=0)
     share = reciprocal(count_present(index, features))
     return gather_rows(features, index).sum(dim=1) * share
 

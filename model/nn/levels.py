@@ -7,7 +7,6 @@ between the layers, as torch operators `meshconv3d::grow_patches` and `meshconv3
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import torch
 from torch import Tensor
@@ -17,23 +16,7 @@ from meshconv3d.model.nn.layers import gather_mean, gather_rows
 from meshconv3d.model.topology import batch as kernels
 
 
-class Level(Protocol):
-    """One pooling level of a batch."""
-
-    def patches(self) -> Tensor:
-        """N_l x K int32 of face + 1."""
-        ...
-
-    def pool(self, features: Tensor) -> tuple[Tensor, "Level"]:
-        """Pooled features, N_l x C -> N_(l+1) x C, and the next level."""
-        ...
-
-    def readout(self) -> Tensor:
-        """B x R int32 of face + 1: the faces of each mesh."""
-        ...
-
-
-def first_level(config: NetworkConfig, inputs: Sequence[Tensor]) -> Level:
+def first_level(config: NetworkConfig, inputs: Sequence[Tensor]) -> "Level":
     """Level 0 from the network's inputs after the terms, in the order of `input_names`."""
     if config.pooling == "learned":
         twin, lengths, starts = inputs
@@ -51,19 +34,22 @@ class GeometricLevel:
     last_readout: Tensor
 
     def patches(self) -> Tensor:
+        """N_l x K int32 of face + 1."""
         return self.later_patches[0]
 
     def pool(self, features: Tensor) -> tuple[Tensor, "GeometricLevel"]:
+        """Pooled features, N_l x C -> N_(l+1) x C, and the next level."""
         rest = GeometricLevel(self.later_patches[1:], self.later_pools[1:], self.last_readout)
         return gather_mean(features, self.later_pools[0]), rest
 
     def readout(self) -> Tensor:
+        """B x R int32 of face + 1: the faces of each mesh."""
         return self.last_readout
 
 
 @dataclass(frozen=True)
 class LearnedLevel:
-    """A level whose indices follow from its surface and the features.
+    """A level with the methods of `GeometricLevel`, from its surface and the features.
 
     twin, 3 N int32; lengths, 3 N float64; starts, B + 1 int32: a `SurfaceBatch`.
     """
@@ -99,6 +85,9 @@ class LearnedLevel:
         torch._check(longest >= 0)  # the exporter cannot infer it
         column = torch.arange(longest, dtype=torch.int32, device=counts.device)[None]
         return torch.where(column < counts, first + column + 1, 0)
+
+
+Level = GeometricLevel | LearnedLevel
 
 
 @torch.library.custom_op("meshconv3d::grow_patches", mutates_args=())

@@ -2,15 +2,16 @@
 
 import json
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from meshconv3d.model.config import PRESETS, NetworkConfig
+from meshconv3d.model.config import PRESETS, NetworkConfig, preset
 
 if TYPE_CHECKING:
     from meshconv3d.model.datasets import Sample
@@ -148,17 +149,26 @@ def train(
     """
     import torch
 
-    from meshconv3d.model.datasets import SPLITS, class_names
-    from meshconv3d.model.nn.checkpoint import save_checkpoint
+    from meshconv3d.model.datasets import SPLITS, class_names, write_split
+    from meshconv3d.model.nn.checkpoint import load_checkpoint, save_checkpoint
     from meshconv3d.model.training.augmentation import Augmentation
     from meshconv3d.model.training.plots import draw_curves
     from meshconv3d.model.training.trainer import Trainer, TrainingConfig
 
     if threads:
         torch.set_num_threads(threads)
-    samples = _find(data, split, seed)
-    start = _start(start_file, preset_name, settings) if start_file else None
-    config = _config(class_names(samples), preset_name, settings, start)
+    if start_file and (preset_name or settings):
+        raise click.UsageError("--from brings its network: leave --preset and --set out")
+    with _usage_errors():
+        samples = _find(data, split, seed)
+    with _usage_errors("--from: "):
+        start = load_checkpoint(start_file) if start_file else None
+    with _usage_errors("--set: "):
+        classes = class_names(samples)
+        if start:
+            config = replace(start.network.config, classes=classes)
+        else:
+            config = preset(preset_name or "default", classes, settings)
     training = TrainingConfig(
         seed=seed,
         epochs=epochs,
@@ -168,7 +178,8 @@ def train(
     )
     out.mkdir(parents=True, exist_ok=True)
     if isinstance(split, int):
-        _write_split(samples, out / SPLIT_FILE)
+        with _usage_errors():
+            write_split(samples, out / SPLIT_FILE)
     parts = _load(samples, config, training, hold_out)
     versions = parts["train"].versions
     trained = {version.label for version, *_ in versions}
@@ -178,23 +189,17 @@ def train(
         # Four batches an epoch: one would leave the optimiser too few steps.
         training = replace(training, batch_size=max(len(versions) // 4, 1))
         _say(f"{len(versions)} training meshes: batches of {training.batch_size}")
-    try:
+    with _usage_errors():
         trainer = Trainer(config, training, versions, out, device, start and start.network)
         done = trainer.resume()
-    except (ValueError, RuntimeError, AssertionError) as error:  # torch asserts that it has CUDA
-        raise click.UsageError(str(error)) from None
     if done:
         _say("already finished" if done == epochs else f"going on after epoch {done}")
     with _kept_on_failure(trainer):
-        checkpoint = _run(trainer, epochs, done, parts["val"])
-        checkpoint = _calibrate(checkpoint, parts)
+        checkpoint = _calibrate(_run(trainer, parts["val"]), parts)
+        name = split.name if isinstance(split, Path) else f"random:{split}" if split else "folders"
         checkpoint.training["data"] = {
             "name": data.resolve().name,
-            "split": split.name
-            if isinstance(split, Path)
-            else f"random:{split}"
-            if split
-            else "folders",
+            "split": name,
             **{name: parts[name].total for name in SPLITS},
         }
         if start:
@@ -207,6 +212,15 @@ def train(
 
 def _say(message: str) -> None:
     click.echo(message, err=True)
+
+
+@contextmanager
+def _usage_errors(prefix: str = "") -> Iterator[None]:
+    """Turn the errors of data, settings and devices into usage errors."""
+    try:
+        yield
+    except (ValueError, RuntimeError, AssertionError) as error:  # torch asserts that it has CUDA
+        raise click.UsageError(f"{prefix}{error}") from None
 
 
 @contextmanager
@@ -223,67 +237,64 @@ def _kept_on_failure(trainer: "Trainer") -> Iterator[None]:
 
 
 def _find(data: Path, split: Path | int | None, seed: int) -> "list[Sample]":
-    """The samples of DATA under the split that was asked for."""
-    from meshconv3d.model.datasets import DatasetError, find_samples, random_split
+    """The samples of DATA under the split that was asked for. Raises DatasetError."""
+    from meshconv3d.model.datasets import find_samples, random_split
 
-    try:
-        samples = find_samples(data, split if isinstance(split, Path) else None)
-        if isinstance(split, int):
-            return random_split(samples, split, 0, seed)
-    except DatasetError as error:
-        raise click.UsageError(str(error)) from None
+    if isinstance(split, int):
+        return random_split(find_samples(data), split, 0, seed)
+    samples = find_samples(data, split)
     if {sample.split for sample in samples} == {"train"}:
-        _say(f"{data} has training meshes alone: none are tested on (meshconv3d train --split)")
+        _say(f"{data} has training meshes alone: nothing is tested (see --split)")
     return samples
 
 
-def _write_split(samples: "list[Sample]", path: Path) -> None:
-    from meshconv3d.model.datasets import DatasetError, write_split
+def _load(
+    samples: "list[Sample]", config: NetworkConfig, training: "TrainingConfig", share: float
+) -> "dict[str, LoadedSamples]":
+    """The meshes of each split, with varied copies of those to train and validate on.
 
-    try:
-        write_split(samples, path)
-    except DatasetError as error:
-        raise click.UsageError(str(error)) from None
+    Where no mesh of the split val can be used, a share of the usable training meshes becomes it.
+    """
+    from rich.console import Console
+    from rich.progress import track
 
+    from meshconv3d.model.datasets import SPLITS, hold_out
+    from meshconv3d.model.training.meshes import read_samples, vary_samples
 
-def _start(file: Path, preset_name: str | None, settings: dict[str, Any]) -> "Checkpoint":
-    """The checkpoint to begin with."""
-    from meshconv3d.model.nn.checkpoint import CheckpointError, load_checkpoint
-
-    if preset_name or settings:
-        raise click.UsageError("--from brings its network: leave --preset and --set out")
-    try:
-        return load_checkpoint(file)
-    except CheckpointError as error:
-        raise click.UsageError(f"--from: {error}") from None
-
-
-def _config(
-    classes: tuple[str, ...],
-    preset_name: str | None,
-    settings: dict[str, Any],
-    start: "Checkpoint | None",
-) -> NetworkConfig:
-    """The network over these classes."""
-    from meshconv3d.model.config import preset
-
-    if start:
-        return replace(start.network.config, classes=classes)
-    try:
-        return preset(preset_name or "default", classes, settings)
-    except ValueError as error:
-        raise click.UsageError(f"--set: {error}") from None
+    console = Console(stderr=True)
+    bar = partial(track, console=console, disable=not console.is_terminal)
+    meshes = read_samples(samples, config, partial(bar, description="Reading"))
+    if not any(sample.split == "val" for sample in meshes):
+        held = hold_out([s for s in meshes if s.split == "train"], share, training.seed)
+        if held:
+            _say(f"no validation meshes: {len(held)} training meshes are held out (--hold-out)")
+        moved = {sample: replace(sample, split="val") for sample in held}
+        meshes = {moved.get(sample, sample): mesh for sample, mesh in meshes.items()}
+        samples = [moved.get(sample, sample) for sample in samples if sample.split != "val"]
+    parts = {}
+    for split, copies in zip(SPLITS, (training.copies, training.copies // 2, 0), strict=True):
+        chosen = [sample for sample in samples if sample.split == split]
+        varied = partial(bar, description=f"Preparing {split}")
+        parts[split] = vary_samples(chosen, meshes, config, copies, training.seed, varied)
+    _say(", ".join(f"{len(parts[name].versions)} {name}" for name in SPLITS) + " meshes")
+    return parts
 
 
-def _measure(network: "Network", test: "LoadedSamples") -> dict[str, Any]:
-    """Accuracy on the test meshes with its protocol, which is printed; empty without any."""
+def _run(trainer: "Trainer", val: "LoadedSamples") -> "Checkpoint":
+    """Train, with a line an epoch; validation meshes are scored if there are any."""
     from meshconv3d.model.training.evaluation import accuracy
 
-    if not test.total:
-        return {}
-    share = accuracy(network, test)
-    click.echo(f"test accuracy {share:.2%} of {test.total} meshes")
-    return {"selection": "last epoch", "test": round(share, 5), "test_meshes": test.total}
+    def validate(network: "Network") -> dict[str, Any]:
+        return {"val_accuracy": round(accuracy(network, val), 5)} if val.meshes else {}
+
+    def show(record: dict[str, Any]) -> None:
+        line = f"epoch {record['epoch']} of {trainer.training.epochs}: loss {record['loss']:.3f}, "
+        line += f"accuracy {record['train_accuracy']:.1%}"
+        if "val_accuracy" in record:
+            line += f", validation {record['val_accuracy']:.1%}"
+        _say(f"{line}, {record['seconds']:.0f} s")
+
+    return trainer.run(show, validate)
 
 
 def _calibrate(checkpoint: "Checkpoint", parts: "dict[str, LoadedSamples]") -> "Checkpoint":
@@ -297,76 +308,12 @@ def _calibrate(checkpoint: "Checkpoint", parts: "dict[str, LoadedSamples]") -> "
     return replace(checkpoint, calibration=calibrate_network(checkpoint.network, parts["val"]))
 
 
-def _load(
-    samples: "list[Sample]", config: NetworkConfig, training: "TrainingConfig", share: float
-) -> "dict[str, LoadedSamples]":
-    """The meshes of each split, with varied copies of those to train and validate on.
-
-    Where no mesh of the split val can be used, a share of the usable training meshes becomes it.
-    """
-    from meshconv3d.model.datasets import SPLITS, hold_out
-    from meshconv3d.model.training.meshes import read_samples, vary_samples
-
-    meshes = read_samples(samples, config, lambda part: _track(part, "Reading"))
-    if not any(sample.split == "val" for sample in meshes):
-        held = hold_out([s for s in meshes if s.split == "train"], share, training.seed)
-        if held:
-            _say(
-                f"no validation meshes: {len(held)} of the training meshes are held out for that "
-                "(--hold-out)"
-            )
-        for sample in held:
-            meshes[replace(sample, split="val")] = meshes.pop(sample)
-        samples = [
-            replace(sample, split="val") if sample in held else sample
-            for sample in samples
-            if sample.split != "val"
-        ]
-    parts = {}
-    copies = {"train": training.copies, "val": training.copies // 2, "test": 0}
-    for split in SPLITS:
-        chosen = [sample for sample in samples if sample.split == split]
-        parts[split] = vary_samples(
-            chosen,
-            meshes,
-            config,
-            copies[split],
-            training.seed,
-            lambda part, split=split: _track(part, f"Preparing {split}"),
-        )
-    _say(", ".join(f"{len(parts[name].versions)} {name}" for name in SPLITS) + " meshes")
-    return parts
-
-
-def _track(items: "Sequence[Sample]", title: str) -> "Iterable[Sample]":
-    """The items, under a progress bar on a terminal."""
-    from rich.console import Console
-    from rich.progress import track
-
-    console = Console(stderr=True)
-    return track(items, title, console=console, disable=not items or not console.is_terminal)
-
-
-def _run(trainer: "Trainer", epochs: int, done: int, val: "LoadedSamples") -> "Checkpoint":
-    """Train under a progress bar, or with a line an epoch where there is no terminal."""
-    from rich.console import Console
-    from rich.progress import Progress
-
+def _measure(network: "Network", test: "LoadedSamples") -> dict[str, Any]:
+    """Accuracy on the test meshes with its protocol, which is printed; empty without any."""
     from meshconv3d.model.training.evaluation import accuracy
 
-    def validate(network: "Network") -> dict[str, Any]:
-        return {"val_accuracy": round(accuracy(network, val), 5)} if val.meshes else {}
-
-    console = Console(stderr=True)
-    with Progress(console=console, disable=not console.is_terminal) as progress:
-        task = progress.add_task("Training", total=epochs, completed=done)
-
-        def show(record: dict[str, Any]) -> None:
-            shown = f"loss {record['loss']:.3f}, accuracy {record['train_accuracy']:.1%}"
-            if "val_accuracy" in record:
-                shown += f", validation {record['val_accuracy']:.1%}"
-            progress.update(task, advance=1, description=f"Training ({shown})")
-            if not console.is_terminal:
-                _say(f"epoch {record['epoch']} of {epochs}: {shown}")
-
-        return trainer.run(show, validate)
+    if not test.total:
+        return {}
+    share = accuracy(network, test)
+    click.echo(f"test accuracy {share:.2%} of {test.total} meshes")
+    return {"selection": "last epoch", "test": round(share, 5), "test_meshes": test.total}

@@ -1,8 +1,8 @@
-"""How meshes of one and the same thing differ: other triangles, noise, holes, loose parts.
+"""Varied copies of a mesh: other triangles, noise, holes.
 
-Each variation takes a prepared mesh and returns another mesh of the same thing as it might be
-uploaded, which then has to be prepared itself. Training learns from such copies (`vary`), and
-`benchmarks.robustness` measures each kind on meshes that training never saw.
+Each variation takes a prepared mesh and returns another mesh of the same shape as it might be
+uploaded, which has to be prepared in turn. Training learns from such copies (`vary`);
+`benchmarks.robustness` measures each kind on test meshes.
 """
 
 import igl
@@ -51,27 +51,6 @@ def cut(mesh: Mesh, share: float, rng: np.random.Generator) -> Mesh:
     keep = np.ones(len(mesh.faces) + 1, bool)
     keep[hole] = False
     return Mesh(mesh.vertices, mesh.faces[keep[1:]])
-
-
-def with_stray_part(mesh: Mesh, rng: np.random.Generator) -> Mesh:
-    """A small ball beside it: 3 % of the diagonal in radius."""
-    ball = trimesh.creation.icosphere(subdivisions=1, radius=0.03 * diagonal(mesh))
-    beside = mesh.vertices[rng.integers(len(mesh.vertices))]
-    place = beside + rng.normal(0, 0.1 * diagonal(mesh), 3)
-    return Mesh(
-        np.concatenate([mesh.vertices, ball.vertices + place]),
-        np.concatenate([mesh.faces, ball.faces + len(mesh.vertices)]),
-    )
-
-
-def inverted(mesh: Mesh) -> Mesh:
-    """Every face wound the other way."""
-    return Mesh(mesh.vertices, mesh.faces[:, ::-1])
-
-
-def as_soup(mesh: Mesh) -> Mesh:
-    """Three vertices of its own for every face, as in STL."""
-    return Mesh(mesh.vertices[mesh.faces].reshape(-1, 3), np.arange(mesh.faces.size).reshape(-1, 3))
 
 
 def diagonal(mesh: Mesh) -> float:

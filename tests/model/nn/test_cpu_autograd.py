@@ -1,11 +1,11 @@
-"""The compiled gathers against torch's own operations: same values, same gradients."""
+"""The compiled convolution against torch's operations: same values, same gradients."""
 
 import numpy as np
 import pytest
 import torch
 
-from meshconv3d.model.nn.cpu_autograd import GatherMean, PatchLinear
-from meshconv3d.model.nn.layers import gather_mean, patch_statistics, uses_cpu_autograd
+from meshconv3d.model.nn.cpu_autograd import PatchLinear
+from meshconv3d.model.nn.layers import patch_statistics, uses_cpu_autograd
 
 ROWS, CHANNELS = 12, 5
 
@@ -60,22 +60,6 @@ def test_the_gradients_of_patches_are_those_of_the_operations(width, summed):
         gradients.append((features.grad, matrix.grad))
     for found, expected in zip(*gradients, strict=True):
         assert torch.allclose(found, expected, rtol=1e-9, atol=1e-12)
-
-
-@pytest.mark.parametrize("width", [1, 4])
-def test_means_and_their_gradient_are_those_of_the_operations(width):
-    rows, towards = index(width)[:7], torch.randn(7, CHANNELS, dtype=torch.float64)
-    assert torch.allclose(GatherMean.apply(table(2), rows), gather_mean(table(2), rows))
-    gradients = []
-    for fused in (True, False):
-        features = table(2).requires_grad_()
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(
-                "meshconv3d.model.nn.layers.uses_cpu_autograd", lambda features, fused=fused: fused
-            )
-            (gather_mean(features, rows) * towards).sum().backward()
-        gradients.append(features.grad)
-    assert torch.allclose(*gradients, rtol=1e-9, atol=1e-12)
 
 
 def test_equal_features_have_no_gradient_of_their_difference():

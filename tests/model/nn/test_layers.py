@@ -40,6 +40,17 @@ def test_means_ignore_nulls(seed, width, count):
         named = [features[f - 1] for f in row if f]
         expected = sum(named) / len(named) if named else torch.zeros(5)
         assert torch.allclose(mean, torch.as_tensor(expected).to(mean))
+    # The operation of training gives the same values, and the gradient of a mean.
+    trained = features.clone().requires_grad_()
+    found = gather_mean(trained, index)
+    assert torch.allclose(found, means)
+    found.sum().backward()
+    shares = torch.zeros(8)
+    for row in index.tolist():
+        for f in filter(None, row):
+            shares[f - 1] += 1 / np.count_nonzero(row)
+    assert trained.grad is not None
+    assert torch.allclose(trained.grad, shares[:, None].to(trained.grad).expand(8, 5))
 
 
 @given(triangles(most=30), st.integers(1, 14))

@@ -108,7 +108,7 @@ def test_validation_files_that_cannot_be_read_are_no_validation(tmp_path: Path) 
     assert "not calibrated" in stderr
     assert load_checkpoint(tmp_path / "none" / "model.safetensors").calibration is None
     stderr = said(train(data, tmp_path / "held", *SMALL, "--hold-out", 0.25))
-    assert "2 of the training meshes are held out" in stderr
+    assert "2 training meshes are held out" in stderr
     calibration = load_checkpoint(tmp_path / "held" / "model.safetensors").calibration
     assert calibration is not None
     assert calibration.meshes == 2
@@ -130,7 +130,7 @@ def test_a_folder_without_splits_is_trained_on(tmp_path: Path) -> None:
     data = write(tmp_path / "data", BALLS, layout=".", count=8)
     stderr = said(train(data, tmp_path / "run", *SMALL, "--hold-out", 0.125))
     assert "training meshes alone" in stderr
-    assert "2 of the training meshes are held out" in stderr
+    assert "2 training meshes are held out" in stderr
     found = data_of(tmp_path / "run")
     assert (found["train"], found["val"], found["test"]) == (14, 2, 0)
 

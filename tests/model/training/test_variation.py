@@ -53,15 +53,6 @@ def test_a_cut_is_one_hole_of_its_share(share, rng):
     assert prepare(mesh, 500)[1].components == 1
 
 
-def test_rewritings_keep_the_surface(rng):
-    mesh = torus()
-    soup = variation.as_soup(mesh)
-    assert len(soup.vertices) == 1500
-    assert prepare(soup, 500)[1].vertices_merged == 1250
-    assert prepare(variation.inverted(mesh), 500)[1].flipped == 500
-    assert prepare(variation.with_stray_part(mesh, rng), 500)[1].components == 2
-
-
 @pytest.mark.parametrize("mesh", [torus(), sheet(15, 16)], ids=["closed", "open"])
 def test_random_copies_can_be_prepared_and_differ(mesh, rng):
     prepared, _ = prepare(mesh, 500)
