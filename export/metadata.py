@@ -11,7 +11,7 @@ from pydantic import ConfigDict, Field, TypeAdapter, ValidationError, model_vali
 from pydantic.dataclasses import dataclass
 
 from meshconv3d.model.calibration import Calibration
-from meshconv3d.model.config import StoredConfig
+from meshconv3d.model.config import StoredConfig, in_one_line
 
 PREFIX = "meshconv3d."
 FORMAT_VERSION = 3
@@ -104,7 +104,7 @@ def read_card(properties: Mapping[str, str]) -> ModelCard:
     except ModelFileError:
         raise
     except ValidationError as error:
-        problems = "; ".join(f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors())
+        problems = in_one_line(error)
         raise ModelFileError(f"the model file's metadata is damaged: {problems}") from None
     except (ValueError, RecursionError) as error:
         raise ModelFileError(f"the model file's metadata is damaged: {error}") from None

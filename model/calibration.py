@@ -1,4 +1,4 @@
-"""From scores to what may be believed: a temperature, and the limit of what is known."""
+"""Calibration: temperature scaling and the out-of-distribution threshold."""
 
 from typing import Annotated
 
@@ -7,17 +7,17 @@ from numpy.typing import NDArray
 from pydantic import ConfigDict, Field
 from pydantic.dataclasses import dataclass
 
-# Share of known validation meshes that the limit of novelty lies below.
+# Share of the validation meshes whose out-of-distribution score is above the threshold.
 KNOWN_REFUSED = 0.02
 
 
 @dataclass(frozen=True, config=ConfigDict(extra="forbid"))
 class Calibration:
-    """What a model's answers mean, measured on meshes it was not trained on.
+    """Calibration of a model, measured on validation meshes.
 
-    temperature: scores are divided by it before the softmax; then, of answers with probability p,
-    a share p is right. novelty_limit: a mesh above it is unlike every class. meshes: how many,
-    varied copies included, it was measured on.
+    temperature: divides the scores before the softmax, so that of answers with probability p a
+    share p is right. novelty_limit: a mesh with a higher out-of-distribution score is unknown.
+    meshes: how many it was measured on, varied copies included.
     """
 
     temperature: Annotated[float, Field(ge=1e-3, le=1e3)]
@@ -35,7 +35,7 @@ def calibrate(scores: NDArray, novelty: NDArray, labels: NDArray[np.int64]) -> C
 
 
 def fit_temperature(scores: NDArray, labels: NDArray[np.int64]) -> float:
-    """The temperature that makes the labels likeliest (Guo et al., 2017): from 1/20 to 20."""
+    """The temperature, 1/20 to 20, of the highest likelihood of the labels (Guo et al., 2017)."""
     from scipy.optimize import minimize_scalar
 
     def loss(log_temperature: float) -> float:

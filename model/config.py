@@ -161,5 +161,9 @@ def preset(
     try:
         return NetworkConfig(**{**PRESETS[name], **settings, "classes": classes})
     except ValidationError as error:
-        problems = (f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors())
-        raise ValueError("; ".join(problems)) from None
+        raise ValueError(in_one_line(error)) from None
+
+
+def in_one_line(error: ValidationError) -> str:
+    """What is wrong with which field, for the messages of other errors."""
+    return "; ".join(f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors())

@@ -1,4 +1,4 @@
-"""How good answers are: statistics of labels, probabilities and refusals, in NumPy alone."""
+"""Metrics of classification: accuracy, recall, confusion, calibration. NumPy alone."""
 
 from dataclasses import dataclass
 
@@ -11,11 +11,11 @@ CALIBRATION_BINS = 15
 
 @dataclass(frozen=True, eq=False)
 class Predictions:
-    """What a model said of labelled files, in any order.
+    """Predictions for labelled files, in any order.
 
     labels: the true class of each file. probabilities: files x N_c, rows that sum to 1. refused:
-    for each file whether it has no answer; its row of probabilities is not looked at then.
-    Raises ValueError for no files, for shapes that do not fit, and for labels that are no class.
+    whether a file has no answer; its row of probabilities is not read. Raises ValueError for no
+    files, for shapes that do not fit, and for labels that are no class.
     """
 
     labels: NDArray[np.intp]
@@ -49,7 +49,7 @@ class Predictions:
 
 
 def right(predictions: Predictions, top: int = 1) -> NDArray[np.bool_]:
-    """For each file whether its class is among the `top` likeliest; never for a refused one."""
+    """Whether the class of each file is among the `top` likeliest; False for a refused one."""
     ranking = np.argsort(-predictions.probabilities, axis=1, kind="stable")
     hits = (ranking[:, :top] == predictions.labels[:, None]).any(axis=1)
     return hits & ~predictions.refused
@@ -71,10 +71,7 @@ def refused_counts(predictions: Predictions) -> NDArray[np.intp]:
 
 
 def confusion_matrix(predictions: Predictions) -> NDArray[np.intp]:
-    """Answered files by class (rows) and answer (columns), N_c x N_c.
-
-    A row and the refused of its class sum to the files of the class.
-    """
+    """Answered files by class (rows) and answer (columns), N_c x N_c."""
     counts = np.zeros((predictions.classes, predictions.classes), dtype=np.intp)
     kept = ~predictions.refused
     answers = predictions.probabilities.argmax(axis=1)
@@ -99,16 +96,16 @@ def balanced_accuracy(predictions: Predictions) -> float:
 
 
 def calibration_error(predictions: Predictions, bins: int = CALIBRATION_BINS) -> float:
-    """Expected calibration error: how far accuracy and stated probability lie apart.
+    """Expected calibration error over the answered files.
 
-    Answered files fall into bins of equal width by their highest probability, bin i of b holding
-    those in (i/b, (i+1)/b]; it is the mean over bins of |share right - mean highest probability|,
+    Files fall into bins of equal width by their highest probability, bin i of b holding those in
+    (i/b, (i+1)/b]; the error is the mean over bins of |share right - mean highest probability|,
     weighted by their files. Raises ValueError if every file was refused.
     """
     answered = predictions.answered
     confidence = answered.probabilities.max(axis=1)
     places = np.clip(np.ceil(confidence * bins).astype(np.intp) - 1, 0, bins - 1)
-    # The difference of the sums is the difference of the means times the files of the bin.
+    # A difference of sums is the difference of means times the files of the bin.
     apart = np.bincount(places, weights=right(answered) - confidence, minlength=bins)
     return float(np.abs(apart).sum() / len(confidence))
 

@@ -1,29 +1,25 @@
 """Checkpoints: weights as safetensors, with the configuration in their metadata. No pickle."""
 
-import json
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import torch
-from pydantic import TypeAdapter
+from pydantic import BaseModel, Json, ValidationError
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 
 from meshconv3d.model.calibration import Calibration
-from meshconv3d.model.config import NetworkConfig
+from meshconv3d.model.config import StoredConfig, in_one_line
 from meshconv3d.model.files import write_whole
 from meshconv3d.model.nn.network import Network
 
 FORMAT_VERSION = 3
 OLDEST_VERSION = 2
 
-_CALIBRATION = TypeAdapter(Calibration | None)
-_TRAINING = TypeAdapter(dict[str, Any])
-
 
 class CheckpointError(ValueError):
-    """A file that is not a checkpoint of this project, or is damaged, or is of a newer version."""
+    """A file that is not a checkpoint of this project, is damaged, or has a newer format."""
 
 
 @dataclass(frozen=True)
@@ -38,47 +34,51 @@ class Checkpoint:
     training: dict[str, Any] = field(default_factory=dict)
 
 
+class _Metadata(BaseModel):
+    format_version: int
+    config: Json[StoredConfig]
+    calibration: Json[Calibration | None]
+    training: Json[dict[str, Any]]
+
+
 def save_checkpoint(checkpoint: Checkpoint, path: Path) -> None:
     """Write atomically, see `write_whole`. Raises OSError."""
-    metadata = {
-        "format_version": str(FORMAT_VERSION),
-        "config": checkpoint.network.config.to_json(),
-        "calibration": _CALIBRATION.dump_json(checkpoint.calibration).decode(),
-        "training": json.dumps(checkpoint.training),
-    }
-    save_tensors(checkpoint.network.state_dict(), metadata, path)
+    metadata = _Metadata.model_construct(
+        format_version=FORMAT_VERSION,
+        config=checkpoint.network.config,
+        calibration=checkpoint.calibration,
+        training=checkpoint.training,
+    ).model_dump(mode="json", round_trip=True)
+    save_tensors(checkpoint.network.state_dict(), {k: str(v) for k, v in metadata.items()}, path)
 
 
 def load_checkpoint(path: Path) -> Checkpoint:
     """The network, in evaluation mode, on the CPU. Raises CheckpointError, FileNotFoundError."""
-    tensors, metadata = load_tensors(path)
+    tensors, entries = load_tensors(path)
+    version = entries.get("format_version", "")
+    if version.isdecimal() and not OLDEST_VERSION <= int(version) <= FORMAT_VERSION:
+        # Checked first: another version's metadata may look damaged to this one.
+        remedy = "upgrade meshconv3d" if int(version) > FORMAT_VERSION else "train it again"
+        raise CheckpointError(
+            f"{path} has checkpoint format {version}, this version reads {OLDEST_VERSION} to "
+            f"{FORMAT_VERSION}: {remedy}"
+        )
     try:
-        version = int(metadata["format_version"])
-        if not OLDEST_VERSION <= version <= FORMAT_VERSION:
-            remedy = "upgrade meshconv3d" if version > FORMAT_VERSION else "train it again"
-            raise CheckpointError(
-                f"{path} has checkpoint format {version}, this version reads {OLDEST_VERSION} to "
-                f"{FORMAT_VERSION}: {remedy}"
-            )
-        network = Network(NetworkConfig.from_json(metadata["config"]))
+        metadata = _Metadata.model_validate(entries)
+        network = Network(metadata.config)
         network.load_state_dict(
             # The name in format version 2.
             {k.replace("surroundings.", "integral_invariants."): v for k, v in tensors.items()}
         )
         if not all(tensor.isfinite().all() for tensor in tensors.values()):
             raise ValueError("its weights are not all finite numbers; train it again")
-        calibration = _CALIBRATION.validate_json(metadata["calibration"])
-        training = _TRAINING.validate_json(metadata["training"])
-    except CheckpointError:
-        raise
-    except KeyError as error:
-        raise CheckpointError(
-            f"{path} is not a meshconv3d checkpoint (its metadata has no {error}); training writes "
-            "one as model.safetensors, beside what it resumes from"
-        ) from None
     except (ValueError, RuntimeError) as error:
-        raise CheckpointError(f"{path} is not a meshconv3d checkpoint: {error}") from None
-    return Checkpoint(network.eval(), calibration, training)
+        reason = in_one_line(error) if isinstance(error, ValidationError) else error
+        raise CheckpointError(
+            f"{path} is not a meshconv3d checkpoint, such as training writes as model.safetensors: "
+            f"{reason}"
+        ) from None
+    return Checkpoint(network.eval(), metadata.calibration, metadata.training)
 
 
 def save_tensors(tensors: dict[str, torch.Tensor], metadata: dict[str, str], path: Path) -> None:

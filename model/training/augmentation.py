@@ -1,4 +1,4 @@
-"""Training copies of a mesh that move its vertices and leave its topology valid."""
+"""Augmentation in training: moved vertices over the same topology."""
 
 from dataclasses import dataclass, replace
 
@@ -11,17 +11,17 @@ from meshconv3d.model.topology.inputs import MeshInputs, terms_of
 from meshconv3d.model.training.meshes import LabelledMesh
 
 WAVES = 4
-# In radians over a radius of the unit sphere: from a third of a wave over it to two and a half.
+# Radians per radius of the unit sphere: a third of a wave to two and a half.
 WAVE_NUMBERS = (2.0, 16.0)
 
 
 @dataclass(frozen=True)
 class Augmentation:
-    """How far copies differ from their mesh.
+    """Random movements of the vertices, after a random rotation.
 
-    scale: stretch each axis by a random factor in 1 - scale to 1 + scale, after a random rotation,
-    so in any direction of the mesh. jitter: standard deviation of vertex noise, in radii of the
-    unit sphere. bend: how far random waves bend it, as the standard deviation of their slopes.
+    scale: stretch each axis by a factor in 1 - scale to 1 + scale. jitter: standard deviation of
+    vertex noise, in radii of the unit sphere. bend: standard deviation of the slopes of random
+    waves.
     """
 
     scale: float = 0.15
@@ -31,9 +31,9 @@ class Augmentation:
     def apply(
         self, sample: LabelledMesh, config: NetworkConfig, rng: np.random.Generator
     ) -> MeshInputs:
-        """A moved copy as network inputs: new descriptor terms over the same topology."""
+        """Network inputs of a moved copy: new descriptor terms over the same topology."""
         faces, surface = sample.mesh.faces, sample.inputs.surface
-        # A class does not depend on how its mesh was laid down.
+        # A class does not depend on the orientation of its mesh.
         vertices = sample.mesh.vertices @ random_rotation(rng).T
         if self.bend:
             vertices = vertices + _waves(vertices, self.bend, rng)
@@ -46,7 +46,7 @@ class Augmentation:
 def _waves(
     vertices: NDArray[np.float64], slope: float, rng: np.random.Generator
 ) -> NDArray[np.float64]:
-    """How far each vertex (V x 3) is moved by a sum of random waves."""
+    """Displacement of each vertex, V x 3, by a sum of random waves."""
     moved = np.zeros_like(vertices)
     for _ in range(WAVES):
         number = np.exp(rng.uniform(*np.log(WAVE_NUMBERS)))

@@ -1,4 +1,4 @@
-"""A trained network on labelled meshes: its outputs, its accuracy, and what to make of them."""
+"""Evaluation of a network on labelled meshes, and its calibration."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import chain, islice
@@ -31,14 +31,14 @@ def predict(network: Network, meshes: Sequence[LabelledMesh]) -> Outputs:
 
 @torch.inference_mode()
 def fit_novelty(network: Network, samples: LoadedSamples) -> None:
-    """Measure what the network's training meshes, varied copies included, look like to it."""
+    """Fit the out-of-distribution score to the training meshes, varied copies included."""
     meshes = list(chain.from_iterable(samples.versions))
     pooled = [network.features(*batch)[1].cpu() for batch in _batches(network, meshes)]
     network.novelty.cpu().fit(torch.cat(pooled), _labels(meshes))
 
 
 def calibrate_network(network: Network, samples: LoadedSamples) -> Calibration:
-    """Its calibration on validation meshes, varied copies included."""
+    """The calibration on validation meshes, varied copies included."""
     meshes = list(chain.from_iterable(samples.versions))
     outputs = predict(network, meshes)
     return calibrate(outputs.scores.numpy(), outputs.novelty.numpy(), _labels(meshes).numpy())
@@ -49,7 +49,7 @@ def _labels(meshes: Iterable[LabelledMesh]) -> Tensor:
 
 
 def _batches(network: Network, meshes: Sequence[LabelledMesh]) -> Iterator[tuple[Tensor, ...]]:
-    """Inputs of a few meshes at a time; memory stays bounded."""
+    """Inputs of a few meshes at a time, which bounds memory."""
     network.eval()
     device = next(network.parameters()).device
     rest = iter(meshes)

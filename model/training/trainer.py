@@ -28,7 +28,7 @@ LOG_FILE = "log.jsonl"
 
 @dataclass(frozen=True)
 class TrainingConfig:
-    """How a network is trained; together with the data and the seed it fixes the weights."""
+    """Settings of training; with the data they determine the weights."""
 
     seed: int = 0
     epochs: int = 60
@@ -38,19 +38,18 @@ class TrainingConfig:
     weight_decay: float = 0.05
     label_smoothing: float = 0.1
     copies: int = 10
-    """Varied copies of each mesh (other triangles, noise, holes); every epoch draws one, or the
-    mesh itself."""
+    """Varied copies of each mesh; an epoch draws one of them or the mesh itself."""
     augmentation: Augmentation = field(default_factory=Augmentation)
 
 
 class Trainer:
-    """Trains a network epoch by epoch and keeps everything needed to go on in `folder`.
+    """Trains a network epoch by epoch and keeps in `folder` what resuming needs.
 
-    versions: of every mesh, itself and its varied copies; each epoch draws one of them.
-    start: whose features the network begins with, see `Network.take_features`.
+    versions: for every mesh, itself and its varied copies; each epoch draws one of them.
+    start: a network to take the features of, see `Network.take_features`.
 
-    Every random choice of an epoch comes from a generator seeded by (seed, epoch), so that a run
-    that was killed and resumed gives the weights of one that was not.
+    All random choices of an epoch come from generators seeded by (seed, epoch): a run that was
+    interrupted and resumed ends with the weights of one that was not.
     """
 
     def __init__(
@@ -97,9 +96,9 @@ class Trainer:
         return Checkpoint(self.network.cpu().eval(), training={"protocol": asdict(self.training)})
 
     def resume(self) -> int:
-        """Go on from what an earlier run left in the folder; returns the epochs already done.
+        """Restore the last finished epoch of a run in the folder; returns the epochs done.
 
-        Raises ValueError if that run had another configuration: its weights would not fit.
+        Raises ValueError if that run had other settings or data.
         """
         path = self.folder / RESUME_FILE
         if not path.exists():
@@ -122,7 +121,7 @@ class Trainer:
 
     @cached_property
     def _identity(self) -> str:
-        """What must agree for a run to go on: settings, classes, data, and where it started."""
+        """Settings, classes, data and start, which must agree for a run to be resumed."""
         data = hashlib.sha256()
         if self.start is not None:
             for tensor in self.start.state_dict().values():
@@ -178,7 +177,7 @@ class Trainer:
         }
 
     def _batches(self, epoch: int) -> Iterator[tuple[dict[str, np.ndarray], np.ndarray]]:
-        """Augmented batches of one epoch. The few meshes that fill no batch sit this one out."""
+        """Augmented batches of one epoch, without the few meshes that fill no batch."""
         rng = np.random.default_rng([self.training.seed, epoch])
         order = rng.permutation(len(self.versions))
         for batch in np.array_split(order[: self.batches * self.training.batch_size], self.batches):
