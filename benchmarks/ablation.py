@@ -1,4 +1,4 @@
-"""What each choice where the paper is open does: `python -m benchmarks.ablation DATA`.
+"""Ablation of the choices that the paper leaves open: `python -m benchmarks.ablation DATA`.
 
 DATA is SHREC11. A row changes one thing in the network `default`, or is the network `paper`, and
 trains it on 7 meshes of each class, with the command's own protocol but half its epochs; 3 more are
@@ -14,7 +14,6 @@ import json
 import logging
 import statistics
 import tempfile
-import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -76,7 +75,7 @@ def main() -> None:
 
 
 def load(data: Path, seed: int) -> dict[str, Any]:
-    """The training part of one random split, prepared: what is trained on, what is held out."""
+    """Training and held-out meshes of one random split, prepared."""
     samples = random_split(find_samples(data), TRAIN, VAL, seed)
     config = NetworkConfig(classes=class_names(samples))
     training = TrainingConfig(seed=seed, epochs=EPOCHS)
@@ -91,7 +90,6 @@ def load(data: Path, seed: int) -> dict[str, Any]:
 
 def measure(config: NetworkConfig, parts: dict[str, Any], seed: int) -> dict[str, float]:
     """Train one network and score it on what was held out."""
-    started = time.perf_counter()
     train, val = read_as(config, parts["train"]), read_as(config, parts["val"])
     with tempfile.TemporaryDirectory() as folder:
         trainer = Trainer(config, parts["training"], train.versions, Path(folder))
@@ -100,12 +98,11 @@ def measure(config: NetworkConfig, parts: dict[str, Any], seed: int) -> dict[str
     return {
         "as_found": round(accuracy(network, val), 5),
         "varied": round(accuracy(network, LoadedSamples(copies, 0)), 5),
-        "minutes": round((time.perf_counter() - started) / 60, 1),
     }
 
 
 def read_as(config: NetworkConfig, samples: LoadedSamples) -> LoadedSamples:
-    """The same meshes as another network reads them."""
+    """The same meshes as inputs of another network."""
     versions = [
         [replace(version, inputs=mesh_inputs(version.mesh, config)) for version in versions]
         for versions in samples.versions
@@ -114,16 +111,16 @@ def read_as(config: NetworkConfig, samples: LoadedSamples) -> LoadedSamples:
 
 
 def show(done: dict[str, dict[str, dict[str, float]]]) -> None:
-    """Print the table: means over the seeds that a row has."""
-    print(f"{'validation accuracy':32}  as found    varied  seeds  minutes")
+    """Print the table of means over the seeds of a row."""
+    print(f"{'validation accuracy':32}  as found    varied  seeds")
     for title in ROWS:
         runs = done.get(title, {}).values()
         if not runs:
             continue
-        found, varied, minutes = (
-            statistics.mean(run[name] for run in runs) for name in ("as_found", "varied", "minutes")
+        found, varied = (
+            statistics.mean(run[name] for run in runs) for name in ("as_found", "varied")
         )
-        print(f"{title:32}  {found:8.2%}  {varied:8.2%}  {len(runs):5}  {minutes:7.1f}")
+        print(f"{title:32}  {found:8.2%}  {varied:8.2%}  {len(runs):5}")
 
 
 if __name__ == "__main__":

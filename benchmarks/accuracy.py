@@ -59,7 +59,7 @@ def train(
 
 
 def row(folder: Path, seed: int) -> dict[str, Any]:
-    """What one finished run says of itself."""
+    """The record of one finished run."""
     training = load_checkpoint(folder / "model.safetensors").training
     epochs = [json.loads(line) for line in (folder / "log.jsonl").read_text().splitlines()]
     return {

@@ -1,4 +1,4 @@
-"""What others make of the same files: `python -m benchmarks.baselines DATA --model MODEL`.
+"""Baselines on the same files: `python -m benchmarks.baselines DATA --model MODEL`.
 
 Three methods that know nothing of mesh convolution, on the split and the prepared meshes of the
 network: nearest neighbour by spectrum, boosted trees over shape descriptors, and a small network
@@ -30,7 +30,7 @@ RESULTS = Path(__file__).parent / "results"
 
 
 class Data:
-    """A data set whose files are read when they are first needed."""
+    """A data set whose files are read at first use."""
 
     def __init__(self, samples: list[Sample], root: Path) -> None:
         self.samples = samples
@@ -79,7 +79,7 @@ def main() -> None:
 def run_once(
     name: str, method: Spectrum | Descriptors | Points, seed: int, data: Data, path: Path
 ) -> dict[str, Any]:
-    """The record of one run: read from the file, or made and added to it."""
+    """The record of one run, read from the file or run and added to it."""
     identity = {"method": name, "settings": asdict(method), "seed": seed}
     records = read_records(path, data.split_sha256)
     for record in records:
@@ -98,7 +98,7 @@ def run_once(
 
 
 def read_records(path: Path, split_sha256: str) -> list[dict[str, Any]]:
-    """The runs kept for this very split; those of another are not compared with and fall away."""
+    """The runs kept for this split; those of another split are dropped."""
     if not path.exists():
         return []
     kept = json.loads(path.read_text())
@@ -121,7 +121,7 @@ def write_records(path: Path, data: Data, records: list[dict[str, Any]]) -> None
 
 
 def model_row(name: str, data: Data) -> str:
-    """One of our models, which sees each test file as those of any user."""
+    """The row of one of our models, on the test files."""
     classifier = Classifier.load(name)
     started = time.process_time()
     samples = [sample for sample in data.samples if sample.split == "test"]
@@ -135,7 +135,7 @@ def model_row(name: str, data: Data) -> str:
 
 
 def table_row(name: str, runs: list[dict[str, Any]]) -> str:
-    """Means over the runs, and by how much their top-1 differ."""
+    """Means over the runs and the spread of their top-1 accuracy."""
     means = {
         key: statistics.mean(run[key] for run in runs)
         for key in ("top1", "top5", "balanced", "minutes")

@@ -1,4 +1,4 @@
-"""What `meshconv3d batch` does over folders: `python -m benchmarks.batch`.
+"""Throughput and memory of `meshconv3d batch`: `python -m benchmarks.batch`.
 
 Two tables, over copies of the samples. Files per second of each engine, with the time that the
 command itself and its workers compute for each file. And memory against the number of files: of
@@ -96,7 +96,7 @@ def run(folder: Path, output: Path, way: Way) -> Run:
 
 
 def compare_ways(folder: Path, output: Path, count: int) -> None:
-    """Print what each way does with as many files."""
+    """Print the rate of each way with as many files."""
     copies(folder, count)
     print(
         f"\n{count} files                    files/s   of the first   computed/file: command, rest"

@@ -1,4 +1,4 @@
-"""Two runs beside each other: which figure has become worse by more than the tolerance."""
+"""Comparison of two runs: figures that became worse by more than the tolerance."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -35,7 +35,7 @@ def changes(before: Run, after: Run) -> Iterator[Change]:
 
 
 def compare(before: Run, after: Run, tolerance: float) -> bool:
-    """Print every figure that both runs have; whether none became worse.
+    """Print every figure that both runs have; returns whether none became worse.
 
     Raises ValueError where they have none in common.
     """

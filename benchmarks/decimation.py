@@ -1,4 +1,4 @@
-"""Simplifying 100 000 faces, beside fast-simplification: `python -m benchmarks run decimation`."""
+"""Simplification beside fast-simplification: `python -m benchmarks run decimation`."""
 
 import fast_simplification
 

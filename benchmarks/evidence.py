@@ -1,4 +1,4 @@
-"""Whether evidence tells what matters: `python -m benchmarks.evidence DATA`.
+"""Deletion test of the evidence: `python -m benchmarks.evidence DATA`.
 
 Takes test meshes of a data set as the network sees them, removes the tenth of the faces that say
 most for the winning class, or as many at random, sends what is left through the whole pipeline,

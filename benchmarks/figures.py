@@ -1,4 +1,4 @@
-"""What a benchmark finds: figures, each a cost, printed as they are found and kept as JSON.
+"""Findings of a benchmark: figures, each a cost, printed and kept as JSON.
 
 Every figure is a cost: less is better. Milliseconds are compared between two runs as shares of
 each run's own yardstick, all other units as they are.

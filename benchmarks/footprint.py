@@ -1,4 +1,4 @@
-"""What an installation weighs, and how soon it serves: `python -m benchmarks run footprint`.
+"""Size of an installation and time until it serves: `python -m benchmarks run footprint`.
 
 Installs the package as a user does, with pip into a new virtual environment, which takes minutes
 and the network where pip has nothing in its cache.
@@ -37,7 +37,7 @@ def run(model_name: str) -> Findings:
 
 
 def _seconds_to_ready(model_name: str) -> list[float]:
-    """Of several starts; the first fills the disk's cache."""
+    """Seconds of several starts; the first fills the disk's cache."""
     seconds = []
     for _ in range(STARTS):
         with service(model_name) as started:
@@ -46,7 +46,7 @@ def _seconds_to_ready(model_name: str) -> list[float]:
 
 
 def megabytes(folder: Path) -> float:
-    """All files under a folder; links are none."""
+    """Size of all files under a folder, without links."""
     files = (path for path in folder.rglob("*") if path.is_file() and not path.is_symlink())
     return sum(path.stat().st_size for path in files) / 1e6
 

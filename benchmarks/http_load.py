@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 
 @dataclass
 class Tally:
-    """What came back. statuses: answers by status, -1 for a connection that was closed; latencies:
+    """Answers. statuses: answers by status, -1 for a connection that was closed; latencies:
     seconds of each answer with status 200; seconds: how long it all took."""
 
     seconds: float = 0.0
@@ -45,7 +45,7 @@ class _Connection:
         self._send()
 
     def ready(self, events: int) -> int | None:
-        """Go on; the status of the answer once it is complete, -1 if there will be none."""
+        """Read on; returns the status of a complete answer, -1 if there will be none."""
         try:
             if events & selectors.EVENT_WRITE:
                 self._send()

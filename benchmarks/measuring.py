@@ -1,4 +1,4 @@
-"""Time and memory of calls, on one thread, and the yardstick that they are given in.
+"""Time and memory of calls on one thread, and the yardstick, their unit.
 
 The yardstick is one product of two 1024 x 1024 float32 matrices on one thread. Machines differ, and
 one machine drifts; what something costs in yardsticks of the same process stays.
@@ -25,7 +25,7 @@ STATUS = "/proc/self/status"
 
 
 def best(calls: Mapping[str, Callable[[], object]], seconds: float = 1.0) -> dict[str, float]:
-    """The least milliseconds that each call computes, by name, after one to warm up.
+    """Least processor time of each call in milliseconds, by name, after one to warm up.
 
     They take turns for about `seconds` each, so that a disturbance meets all alike. What else a
     machine does only ever adds to a time: the least is closest to the call's own. It is the time
@@ -72,7 +72,7 @@ class Peak:
 
 @contextmanager
 def peak_memory() -> Iterator[Peak]:
-    """Measure the most memory that a block holds above what there was before it. Linux only."""
+    """Measure the peak memory of a block above that before it. Linux only."""
     peak = Peak()
     before = _field(STATUS, "VmRSS")
     Path("/proc/self/clear_refs").write_text("5")  # forgets the process's peak
@@ -81,7 +81,7 @@ def peak_memory() -> Iterator[Peak]:
 
 
 def process_peak() -> float:
-    """The most memory that this process ever held, in MB. Linux only."""
+    """Peak memory of this process, in MB. Linux only."""
     return _field(STATUS, "VmHWM")
 
 
@@ -99,7 +99,7 @@ def _field(file: str, name: str) -> float:
 def apart(
     function: Callable[Given, Result], *arguments: Given.args, **named: Given.kwargs
 ) -> Result:
-    """What a function returns that runs in a new process, which holds nothing of ours."""
+    """Result of a function that runs in a new process."""
     spawn = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(1, spawn) as pool:
         return pool.submit(function, *arguments, **named).result()

@@ -32,7 +32,7 @@ Shapes = list[tuple[str, Shape]]  # with the type of the numbers
 
 @dataclass(frozen=True)
 class NodeCost:
-    """One node. milliseconds: its least time; operations and bytes: what it cannot do without."""
+    """One node. milliseconds: its least time; operations and bytes: the least it needs."""
 
     name: str
     kind: str

@@ -1,4 +1,4 @@
-"""What others cost, in yardsticks: as measured elsewhere, on this kind of machine.
+"""Costs of other implementations in yardsticks, measured elsewhere on this kind of machine.
 
 These are quoted, not run here: each peer's own code on meshes of 500 faces, the yardstick timed in
 the same process. None stands where nothing was measured.
@@ -29,7 +29,7 @@ TRAINING_GIGABYTES = (1.0, 2.7)
 
 
 def show(ours: float, field: str) -> None:
-    """Print what a peer's field is beside ours, in yardsticks."""
+    """Print a field of every peer beside ours, in yardsticks."""
     print("  as measured elsewhere on this kind of machine, in yardsticks:")
     for name, peer in MEASURED_ELSEWHERE.items():
         theirs = getattr(peer, field)

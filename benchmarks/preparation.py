@@ -1,4 +1,4 @@
-"""What becomes of real meshes: `python -m benchmarks.preparation FOLDER`.
+"""Preparation and pooling of real meshes: `python -m benchmarks.preparation FOLDER`.
 
 Prepares every mesh file under a folder, builds its topology with the paper's K and targets, and
 prints what was found, what was done, and how many faces each pooling level ends with.

@@ -1,4 +1,4 @@
-"""A process and all that come from it: what memory they take, and how much they compute."""
+"""Memory and processor time of a process and its descendants."""
 
 import os
 import re
@@ -6,7 +6,7 @@ from pathlib import Path
 
 
 def family_of(root: int) -> set[int]:
-    """Process ids of a process and all that come from it."""
+    """Process ids of a process and its descendants."""
     parents = {}
     for stat in Path("/proc").glob("[0-9]*/stat"):
         fields = _fields(stat)
@@ -19,7 +19,7 @@ def family_of(root: int) -> set[int]:
 
 
 def memory_of(root: int) -> float:
-    """MB of a process and all that come from it, what they share counted once."""
+    """MB of a process and its descendants; shared memory counts once."""
     total = 0
     for process in family_of(root):
         try:
@@ -31,7 +31,7 @@ def memory_of(root: int) -> float:
 
 
 def computed_by(process: int) -> float:
-    """Seconds that one process has computed so far; 0 once it has ended."""
+    """Processor seconds of one process so far; 0 once it has ended."""
     fields = _fields(Path(f"/proc/{process}/stat"))
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK") if fields else 0.0
 

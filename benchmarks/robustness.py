@@ -1,4 +1,4 @@
-"""Accuracy on meshes made unlike the training data: `python -m benchmarks.robustness DATA`.
+"""Accuracy on changed test meshes: `python -m benchmarks.robustness DATA`.
 
 Takes the test meshes of a data set, changes each in one way, sends it through the shipped model's
 whole pipeline, and prints the accuracy for every kind of change. The training copies of

@@ -1,4 +1,4 @@
-"""How far every stage is from the least it could take: `python -m benchmarks run roofline`.
+"""Time of every stage and of its floor: `python -m benchmarks run roofline`.
 
 The floor of a node of the graph is the longer of its operations at this machine's rate for matrix
 products and its bytes at the rate at which this machine copies from cache to cache; both rates are

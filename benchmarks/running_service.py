@@ -15,7 +15,7 @@ MAIN = "from service.cli.main import main; main()"
 
 @dataclass(frozen=True)
 class Service:
-    """Where it listens, and the seconds from its start until it was ready."""
+    """Its address, and the seconds from its start until it was ready."""
 
     port: int
     process: int

@@ -1,4 +1,4 @@
-"""What the scores of a method are worth."""
+"""Accuracy of the scores of a method."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,7 +8,7 @@ from sklearn.metrics import balanced_accuracy_score, top_k_accuracy_score
 def figures(
     scores: NDArray[np.floating], labels: NDArray[np.int64], refused: NDArray[np.int64]
 ) -> dict[str, float]:
-    """Share of files answered rightly at first, within five, and at first but averaged by class.
+    """Top-1, top-5 and balanced accuracy.
 
     scores: N x N_c, finite; the class with the highest is the answer. labels: N, the right ones.
     refused: the right classes of files that have no scores. They count as wrong.

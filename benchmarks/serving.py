@@ -1,4 +1,4 @@
-"""What one machine serves: `python -m benchmarks run serving`.
+"""Throughput of one machine: `python -m benchmarks run serving`.
 
 Three tables in one run. The pipeline alone, from the bytes of a 500-face binary STL to scores, in
 several processes, several threads, several meshes to one run of the graph, and with one or two
@@ -63,7 +63,7 @@ DESIGNS = [
 
 
 def meshes_per_second(design: Design, content: bytes, model_name: str) -> float:
-    """How many meshes a design classifies, from bytes to scores, all its processes at a time."""
+    """Meshes from bytes to scores per second in a design, with all its processes."""
     context = multiprocessing.get_context("spawn")
     barrier = context.Barrier(design.processes)
     with context.Pool(design.processes, _join, (barrier,)) as pool:
@@ -106,7 +106,7 @@ def _work(design: Design, content: bytes, model_name: str) -> float:
 
 
 def compare_designs(content: bytes, model_name: str) -> None:
-    """Print what every design does."""
+    """Print the rate of every design."""
     print("\nThe pipeline alone    processes  threads  batch  intra-op    meshes/s")
     for d in DESIGNS:
         rate = meshes_per_second(d, content, model_name)

@@ -1,4 +1,4 @@
-"""Shapes that are no object of any class, made by formulas: what a classifier should not know."""
+"""Shapes of no class, made by formulas, which a classifier should call unknown."""
 
 from collections.abc import Callable, Iterator
 

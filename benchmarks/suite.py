@@ -1,4 +1,4 @@
-"""The benchmarks, and one run of several of them as one JSON file.
+"""The list of benchmarks, and a run of several of them as one JSON file.
 
 Each is a module with `run(model_name) -> Findings`, which prints what it finds, and runs in a
 process of its own. Those that need data, or a hundred thousand files, are commands by themselves;
@@ -47,7 +47,7 @@ PACKAGES = ("numpy", "numba", "onnxruntime", "torch", "libigl", "trimesh", "fast
 
 @dataclass
 class Run:
-    """What one run of several benchmarks found, and where."""
+    """Findings of one run of several benchmarks, and its environment."""
 
     about: dict[str, Any]
     findings: dict[str, Findings]
@@ -83,7 +83,7 @@ def run_one(name: str, model_name: str) -> Findings:
 
 
 def environment(model_name: str) -> dict[str, Any]:
-    """Where and with what a run takes place."""
+    """Machine, versions and model of a run."""
     model = open_model(model_name)
     return {
         "date": datetime.datetime.now(datetime.UTC).date().isoformat(),

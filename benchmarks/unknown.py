@@ -1,4 +1,4 @@
-"""Which score tells the unknown from the known: `python -m benchmarks.unknown DATA`.
+"""Comparison of out-of-distribution scores: `python -m benchmarks.unknown DATA`.
 
 DATA is SHREC11. Each fold leaves a fifth of the classes out, trains on the others with the
 command's own protocol, and then asks for meshes of all classes, as they are and as two varied
@@ -58,7 +58,7 @@ def main() -> None:
 
 
 def measure(samples: list[Sample], fold: int) -> dict[str, dict[str, float]]:
-    """Train without a fifth of the classes; the figures of every score."""
+    """Train without a fifth of the classes; returns the figures of every score."""
     names = np.random.default_rng(0).permutation(sorted({s.label for s in samples}))
     left_out = set(np.array_split(names, FOLDS)[fold])
     known = [s for s in samples if s.label not in left_out]
@@ -93,7 +93,7 @@ def versions(samples: LoadedSamples) -> list[LabelledMesh]:
 
 
 def score(network: Network, meshes: list[LabelledMesh]) -> Scores:
-    """Every score for every mesh: the higher, the more unknown."""
+    """Every score for every mesh; higher is more unknown."""
     outputs = predict(network, meshes)
     novelty = network.novelty
     logits = outputs.scores.numpy().astype(np.float64)
@@ -112,7 +112,7 @@ def score(network: Network, meshes: list[LabelledMesh]) -> Scores:
 
 
 def figures(scores: Scores) -> dict[str, float]:
-    """What one score is worth, by part of the data."""
+    """Figures of one score, by part of the data."""
     limit = np.quantile(scores["val"], 1 - KNOWN_REFUSED)
     table = {"known refused": float(np.mean(scores["test"] > limit))}
     for part in OTHERS:

@@ -1,4 +1,4 @@
-"""The methods of `benchmarks.baselines`: what a network has to beat to be worth its trouble.
+"""The methods of `benchmarks.baselines`: simple methods to compare the network with.
 
 Each is a frozen dataclass of its settings with one method, `scores(train, test, seed)`.
 """

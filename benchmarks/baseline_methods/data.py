@@ -1,4 +1,4 @@
-"""The files of a split as every baseline gets them."""
+"""The files of a split, prepared once for all baselines."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ class Part:
 
 
 def read_part(samples: Sequence[Sample], classes: Sequence[str]) -> Part:
-    """Read and prepare the files as the network's are."""
+    """Read and prepare the files like those of the network."""
     meshes, labels, refused = [], [], []
     for sample in samples:
         label = classes.index(sample.label)

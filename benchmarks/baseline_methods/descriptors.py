@@ -36,7 +36,7 @@ class Descriptors:
     l2: float = 1.0
 
     def scores(self, train: Part, test: Part, seed: int) -> NDArray[np.float64]:
-        """Probabilities, N x N_c. The seed is the trees' alone."""
+        """Probabilities, N x N_c. The seed is that of the trees."""
         booster = LGBMClassifier(
             n_estimators=self.trees,
             learning_rate=self.learning_rate,

@@ -15,7 +15,7 @@ PAIR_FEATURES = 7
 
 
 class PointNetwork(nn.Module):
-    """Scores of point sets: two levels of neighbourhoods, then all that is left at once."""
+    """Scores of point sets: two levels of neighbourhoods, then global pooling."""
 
     def __init__(self, classes: int) -> None:
         super().__init__()
@@ -35,7 +35,7 @@ class PointNetwork(nn.Module):
 
 
 class Neighbourhoods(nn.Module):
-    """What surrounds each of M centres: the greatest and the mean over its K nearest points."""
+    """Features around each of M centres: maximum and mean over its K nearest points."""
 
     def __init__(
         self, *, centres: int, neighbours: int, inputs: int, hidden: int, outputs: int
@@ -71,7 +71,7 @@ class Neighbourhoods(nn.Module):
 
 
 def pair_features(centre: Tensor, centre_normal: Tensor, point: Tensor, normal: Tensor) -> Tensor:
-    """How a point lies to a centre, ... x 7, free of rotation; all arguments ... x 3.
+    """Rotation-invariant position of a point to a centre, ... x 7; all arguments ... x 3.
 
     Distance; cosines of the line with both normals and between them; how much farther from the
     mesh's centroid, how far, and the cosine of that with the normal. Cosines are absolute, since
@@ -112,7 +112,7 @@ def gather(values: Tensor, index: Tensor) -> Tensor:
 
 
 def summary(values: Tensor) -> Tensor:
-    """The greatest and the mean over the last axis but one, side by side."""
+    """Maximum and mean over the last axis but one, concatenated."""
     return torch.cat([values.amax(dim=-2), values.mean(dim=-2)], dim=-1)
 
 

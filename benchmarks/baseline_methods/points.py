@@ -1,4 +1,4 @@
-"""A small point network, trained as ours is: what can be read without the triangles."""
+"""A small point network, trained like ours: a baseline without triangles."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Write the data set: split the silhouettes, engrave, go on where a run was interrupted."""
+"""Generation of the data set: split the silhouettes, engrave, resume."""
 
 import json
 import multiprocessing
@@ -42,7 +42,7 @@ class Task:
 
 
 def plan(silhouettes: Path, out: Path, recipe: Recipe, seed: int) -> list[Task]:
-    """What has to be in `out`, one task for a silhouette; those that are complete, too.
+    """All tasks for `out`, one for a silhouette, complete ones included.
 
     The seed decides which silhouettes are for testing. Raises CubesError where silhouettes are
     missing.
@@ -137,5 +137,5 @@ def _as_ply(mesh: Mesh) -> bytes:
 
 
 def _leave_interrupts() -> None:
-    """Ctrl-C goes to all processes; the one that started the others ends them."""
+    """Ignore Ctrl-C, which goes to all processes: the parent ends its workers."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)

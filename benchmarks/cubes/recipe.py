@@ -1,10 +1,10 @@
-"""Which cubes there are: the classes, and how many of each."""
+"""Classes and numbers of the cubes."""
 
 from dataclasses import dataclass
 
 
 class CubesError(ValueError):
-    """Silhouettes, a folder or a cube that are not as the recipe wants them; the message says."""
+    """Silhouettes, a folder or a cube that do not fit the recipe."""
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class Recipe:
 
     @property
     def silhouettes(self) -> int:
-        """How many silhouettes a class needs."""
+        """Silhouettes of a class."""
         return self.train + self.test
 
 

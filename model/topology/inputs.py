@@ -46,7 +46,7 @@ def terms_of(
     vertices: NDArray[np.float64], faces: NDArray[np.int32], surface: Surface, config: NetworkConfig
 ) -> NDArray[np.float32]:
     """The descriptors' input for each face, F x E: the 3 D numbers of `descriptor_terms` and,
-    where the network has `surroundings`, the M of `integral_invariants`."""
+    where the network has them, the M of `integral_invariants`."""
     return _terms(vertices, faces, face_geometry(vertices, faces), surface, config)
 
 
