@@ -2,7 +2,7 @@
 
 import pytest
 
-from meshconv3d.service.http.admission import Admission
+from meshconv3d.service.http.admission import Admission, Admitted
 from meshconv3d.service.http.problems import Full
 
 
@@ -50,8 +50,22 @@ def test_uploads_take_bytes_but_no_place(admission: Admission) -> None:
         admission.reserve(5)
     with pytest.raises(Full, match="1000 bytes"):
         admission.reserve(1)
-    admission.reserved_bytes -= 5
-    admission.reserve(5)
+
+
+def test_a_request_that_finds_no_room_gives_back_what_it_had(admission: Admission) -> None:
+    shares = [Admitted(admission, expires=9.0) for _ in range(3)]
+    for share in shares[:2]:
+        share.reserve(400)
+        share.hold(300)
+        share.enter(1)
+    with pytest.raises(Full, match="800 bytes"):
+        shares[2].reserve(400)
+    with pytest.raises(Full):
+        shares[1].hold(500)
+    assert (admission.reserved_bytes, admission.bytes, admission.meshes) == (400, 300, 1)
+    shares[2].reserve(600)
+    shares[0].release()
+    assert (admission.reserved_bytes, admission.bytes, admission.meshes) == (600, 0, 0)
 
 
 def test_the_wait_follows_from_the_rate(admission: Admission, clock: Clock) -> None:

@@ -1,9 +1,10 @@
 """More work than can be done, and clients that do not wait for it."""
 
 import socket
+from collections import Counter
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import httpx
@@ -121,3 +122,22 @@ def test_bytes_that_uploads_hold_are_bounded(start: Callable[..., Service], ring
         assert "bytes of uploads" in problem["detail"]
     until(lambda: value(service, "queue_bytes") == 0)
     assert classify(service, ring).status_code == 200
+
+
+def test_of_many_large_uploads_at_once_those_that_fit_are_taken(
+    start: Callable[..., Service], ring: bytes
+) -> None:
+    """What they declare is reserved as they begin, and what a refused one held is free at once."""
+    size, fitting, more = 50_000, 10, 4
+    limits = ["--max-queue-bytes", str(fitting * size + size // 2)]
+    service = start("--workers", "1", *limits, "--max-upload-bytes", str(size))
+    content = ring + b"#" * (size - len(ring))
+    with ExitStack() as stack:
+        opened = [stack.enter_context(connection(service)) for _ in range(fitting + more)]
+        for each in opened:
+            each.sendall(head(size) + content[: size // 2])
+        until(lambda: value(service, "queue_bytes") == fitting * (size // 2))
+        for each in opened:
+            each.sendall(content[size // 2 :])
+        statuses = Counter(each.recv(4096).split(b" ", 2)[1] for each in opened)
+    assert statuses == {b"200": fitting, b"503": more}
