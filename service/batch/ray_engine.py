@@ -29,7 +29,7 @@ from meshconv3d.service.batch.running import (
     Options,
     PoolExecutor,
 )
-from meshconv3d.service.workers import Setup, ThreadedPool
+from meshconv3d.service.workers import Setup, WorkerPool
 
 # Files that an actor takes at a time, and that are done again if its node is lost.
 BLOCK = 32
@@ -112,7 +112,7 @@ class Actor:
 
     def __init__(self, setup: Setup, options: Options) -> None:
         """Raises ModelFileError, SelfTestError or NotStarted."""
-        pool = ThreadedPool(setup, 1)
+        pool = WorkerPool(setup, 1)
         pool.start()
         self._executor = PoolExecutor(pool, 1)
         self._options = options

@@ -19,7 +19,7 @@ from meshconv3d.model.errors import MeshError, UnusableMesh
 from meshconv3d.model.loading import Limits
 from meshconv3d.service.batch.files import File
 from meshconv3d.service.prediction import Failure, Prediction, Result
-from meshconv3d.service.workers import DeadlineExceeded, Task, TaskFailed, ThreadedPool
+from meshconv3d.service.workers import DeadlineExceeded, Task, TaskFailed, WorkerPool
 
 log = logging.getLogger(__name__)
 
@@ -149,7 +149,7 @@ class PoolExecutor:
     bounded by the number of threads, and by their bytes.
     """
 
-    def __init__(self, pool: ThreadedPool, workers: int) -> None:
+    def __init__(self, pool: WorkerPool, workers: int) -> None:
         self._pool = pool
         self._threads = ThreadPoolExecutor(workers * HELD_FOR_EACH, "batch")
         self._budget = Budget(HELD_BYTES)

@@ -124,13 +124,13 @@ def pool_executor(
     from meshconv3d.export.metadata import ModelFileError
     from meshconv3d.service.batch.running import PoolExecutor
     from meshconv3d.service.classifier import SelfTestError
-    from meshconv3d.service.workers import NotStarted, ThreadedPool
+    from meshconv3d.service.workers import NotStarted, WorkerPool
 
     # A worker that a file has ended is that file's record.
     logging.getLogger("meshconv3d.service.workers").setLevel(logging.ERROR)
     try:
         with usage_errors(ModelFileError, SelfTestError):
-            pool = ThreadedPool(worker_setup(model, settings, pictured), settings.workers)
+            pool = WorkerPool(worker_setup(model, settings, pictured), settings.workers)
             pool.start()
     except NotStarted as error:
         raise click.ClickException(str(error)) from None

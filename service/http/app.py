@@ -1,6 +1,8 @@
 """The app: its routes, and the middleware before them."""
 
+import asyncio
 import importlib.metadata
+import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from typing import Any
@@ -21,6 +23,9 @@ from meshconv3d.service.http.v1 import add_v1_routes
 from meshconv3d.service.settings import Settings
 from meshconv3d.service.workers import WorkerPool
 
+# Time to answer what a stop has cancelled, in seconds.
+CLOSE_SECONDS = 1.0
+
 # Headers that pages of a named origin may send, and may read.
 CORS_REQUEST_HEADERS = (
     *("authorization", "content-type", "inference-header-content-length"),
@@ -34,7 +39,7 @@ CORS_ANSWER_HEADERS = (
 def create_app(pool: WorkerPool, admission: Admission, settings: Settings) -> ASGIApp:
     """The app over workers that are warm."""
     dispatcher, metrics = Dispatcher(pool, admission, settings), Metrics(pool, admission)
-    routes = _Routes(pool, keyed=bool(settings.api_keys))
+    routes = _Routes(pool, admission, keyed=bool(settings.api_keys))
     install_problem_handlers(routes)
     add_v1_routes(routes, dispatcher)
     add_inference_routes(routes, dispatcher)
@@ -53,18 +58,20 @@ def create_app(pool: WorkerPool, admission: Admission, settings: Settings) -> AS
 
 
 class _Routes(FastAPI):
-    """The routes and their description; while they are up, their event loop feeds the workers."""
+    """The routes and their description. At the end, the workers are closed."""
 
-    def __init__(self, pool: WorkerPool, keyed: bool) -> None:
+    def __init__(self, pool: WorkerPool, admission: Admission, keyed: bool) -> None:
         @asynccontextmanager
-        async def attach(_: FastAPI) -> AsyncIterator[None]:
-            pool.attach()
+        async def close(_: FastAPI) -> AsyncIterator[None]:
             yield
             pool.close()
-            await pool.wait_closed()
+            # Requests whose work that cancelled are still to be answered.
+            end = time.monotonic() + CLOSE_SECONDS
+            while not admission.idle and time.monotonic() < end:
+                await asyncio.sleep(0.01)
 
         super().__init__(
-            lifespan=attach,
+            lifespan=close,
             title="MeshConv3D",
             summary="What is this 3D mesh?",
             version=importlib.metadata.version("meshconv3d"),

@@ -82,7 +82,7 @@ class Dispatcher:
                 context.outcomes.append(request_error(result).fault)
             else:
                 context.outcomes.append("")
-                context.stages.append(("queue", job.waited))
+                context.stages.append(("queue", job.queued_seconds))
                 context.stages += [(s, ms / 1000) for s, ms in result.timings_ms.items()]
             yield result
 
@@ -93,17 +93,17 @@ async def _result(request: Request, job: Job) -> Prediction | Exception:
     What has not begun is dropped when its deadline has passed, and all such meshes of a request
     when its client has gone. What runs is waited for: its worker keeps the deadline.
     """
-    share = admitted(request)
+    share, result = admitted(request), asyncio.wrap_future(job)
     try:
-        while not job.future.done():
+        while not result.done():
             left = share.expires - time.monotonic()
             if left <= 0 and job.cancel():
                 return DeadlineExceeded()
             timeout = min(left, POLL_SECONDS) if left > 0 else POLL_SECONDS
-            await asyncio.wait({job.future}, timeout=timeout)
-            if not job.future.done() and await request.is_disconnected() and share.cancel():
+            await asyncio.wait({result}, timeout=timeout)
+            if not result.done() and await request.is_disconnected() and share.cancel():
                 raise ClientDisconnect
-        return job.future.result()
+        return result.result()
     except ClientDisconnect:
         raise
     except asyncio.CancelledError:

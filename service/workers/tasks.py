@@ -1,40 +1,48 @@
-"""What a worker process runs: open the models once, then bytes in and records out.
+"""The program of a worker process: open the models once, then read tasks and write answers.
 
-Only plain values cross the border between the processes, and only errors that survive it.
+Tasks, predictions and errors are pickled to a socket: errors are of this project's kinds alone,
+since those of libraries may not survive it.
 """
 
 import dataclasses
 import gc
+import pickle
 import signal
+import socket
 import traceback
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
+from meshconv3d.export.metadata import ModelFileError
 from meshconv3d.model import loading
 from meshconv3d.model.errors import MeshError, UnusableMesh
 from meshconv3d.model.loading import Limits
-from meshconv3d.model.mesh import Mesh
 from meshconv3d.service.attribution import FORMS, explain
 from meshconv3d.service.classifier import Classifier
 from meshconv3d.service.models import ModelFile, ModelInfo
 from meshconv3d.service.prediction import Prediction
 from meshconv3d.service.workers.limits import limit_cpu, limit_memory
 
-# Of text that goes from process to process.
-MOST_BYTES_PER_CHARACTER = 4
-
 
 @dataclass(frozen=True)
 class Setup:
-    """What every worker is given at its start. memory_bytes: what one mesh may take, above what
-    the models take; seconds: how long one task may compute; pictured: whether results have a
-    picture, which needs an extra."""
+    """Start-up parameters of a worker. memory_bytes: for one mesh, above what the models take.
+    seconds: time for one task. pictured: whether predictions have a picture (extra `report`)."""
 
     models: Sequence[ModelFile]
     limits: Limits
     memory_bytes: int
     seconds: float
     pictured: bool = False
+
+
+@dataclass(frozen=True)
+class ExplanationOptions:
+    """An explanation in one of `attribution.FORMS`, of the class `label` or the likeliest."""
+
+    form: str
+    label: str | None
 
 
 @dataclass(frozen=True)
@@ -46,75 +54,81 @@ class Task:
     content: bytes
     file: str | None
     declared: str | None
-    explanation: "ExplanationOptions | None" = None
-
-    @property
-    def size(self) -> int:
-        """Bytes that it takes to hand it over, at most, but for a frame of always the same."""
-        names = sum(len(name) for name in (self.file, self.declared) if name is not None)
-        return len(self.content) + MOST_BYTES_PER_CHARACTER * names
-
-
-@dataclass(frozen=True)
-class ExplanationOptions:
-    """An explanation in one of `attribution.FORMS`, of the class `label` or the likeliest."""
-
-    form: str
-    label: str | None
+    explanation: ExplanationOptions | None = None
 
 
 class TaskFailed(Exception):
-    """A task failed in a way that nobody foresaw; the message says where, and quotes no file."""
+    """An unexpected error in a task; the message is its kind and traceback, and quotes no file."""
 
 
-@dataclass(frozen=True)
-class _Worker:
-    """What this process has been set up with."""
-
-    setup: Setup
-    classifiers: dict[str, Classifier]
+# What a worker answers: at first the cards of its models, then a prediction for each task.
+Answer = Sequence[ModelInfo] | Prediction | Exception
 
 
-_worker: _Worker
+def work(connection: socket.socket, setup: Setup) -> None:
+    """Entry point of a worker process: warm up, then answer tasks until the other end closes."""
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)  # multiprocessing resets what `preload` has set
+
+    def send(answer: Answer) -> None:
+        connection.sendall(pickle.dumps(answer, pickle.HIGHEST_PROTOCOL))
+
+    with suppress(EOFError, OSError):
+        try:
+            classifiers = warm_up(setup)
+        except Exception as error:
+            send(error)
+            return
+        send([classifier.model.info for classifier in classifiers.values()])
+        tasks = connection.makefile("rb")
+        while True:
+            try:
+                task = pickle.load(tasks)
+            except MemoryError:
+                send(too_much_memory(setup))
+                return  # the rest of the task is still in the stream
+            send(answer_to(task, classifiers, setup))
+            del task
 
 
-def warm_up(setup: Setup) -> list[ModelInfo]:
-    """Make this process a worker: open every model, test it, and take on the limits.
+def warm_up(setup: Setup) -> dict[str, Classifier]:
+    """Open and test every model, then limit the memory.
 
-    Returns the card of each model. Raises ModelFileError or SelfTestError.
+    Raises ModelFileError or SelfTestError for a model that cannot serve, ModelFileError for two of
+    one name.
     """
-    global _worker
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)  # as in `origin`
-    classifiers = [Classifier(file.open(), setup.limits) for file in setup.models]
-    for classifier in classifiers:
+    classifiers = {}
+    for file in setup.models:
+        classifier = Classifier(file.open(), setup.limits)
         classifier.self_test()
+        name = classifier.model.card.name
+        if name in classifiers:
+            raise ModelFileError(f"models are told apart by their names, but two are {name!r}")
+        classifiers[name] = classifier
     loading.warm_up()
     if setup.pictured:
-        import meshconv3d.service.picture  # noqa: F401  # before memory is limited
-    gc.freeze()  # the libraries' objects need not be gone through again and again
+        import meshconv3d.service.picture  # noqa: F401 (before memory is limited)
+    gc.freeze()  # garbage collection skips the libraries' objects
     limit_memory(setup.memory_bytes)
-    _worker = _Worker(setup, {c.model.card.name: c for c in classifiers})
-    return [classifier.model.info for classifier in classifiers]
+    return classifiers
 
 
-def classify(task: Task) -> Prediction:
-    """Classify one mesh in a process that is warm, and explain it where that is wanted.
-
-    Raises MeshError or TaskFailed.
-    """
-    limit_cpu(_worker.setup.seconds)
+def answer_to(
+    task: Task, classifiers: dict[str, Classifier], setup: Setup
+) -> Prediction | MeshError | TaskFailed:
+    """Result of one task, or the error that it has instead."""
+    limit_cpu(setup.seconds)
     try:
-        return predict(task, _worker.classifiers[task.model], _worker.setup.pictured)
+        return predict(task, classifiers[task.model], setup.pictured)
     except MeshError as error:
-        # A reader takes whatever goes wrong in it for a damaged file.
-        if isinstance(error.__cause__, MemoryError):
-            raise too_much_memory() from None
-        raise
+        # Readers take any error inside them for a damaged file.
+        ran_out = isinstance(error.__cause__, MemoryError)
+        return too_much_memory(setup) if ran_out else error.with_traceback(None)
     except MemoryError:
-        raise too_much_memory() from None
+        return too_much_memory(setup)
     except Exception as error:
-        # Some exceptions of libraries cannot be rebuilt on the other side.
-        raise TaskFailed(_where(error)) from None
+        # The message of the error may quote the file, and is left out.
+        places = traceback.format_tb(error.__traceback__)
+        return TaskFailed("".join([type(error).__qualname__, "\n", *places]))
 
 
 def predict(task: Task, classifier: Classifier, pictured: bool) -> Prediction:
@@ -126,25 +140,15 @@ def predict(task: Task, classifier: Classifier, pictured: bool) -> Prediction:
     passed = classifier.run(*classifier.read(task.content, task.declared))
     if not pictured:
         return passed.prediction
-    return dataclasses.replace(passed.prediction, picture=_picture(passed.prepared))
-
-
-def _picture(mesh: Mesh) -> bytes:
     from meshconv3d.service.picture import picture
 
-    return picture(mesh)
+    return dataclasses.replace(passed.prediction, picture=picture(passed.prepared))
 
 
-def _where(error: Exception) -> str:
-    """The kind of an error and its traceback. Its message may quote the file, and is left out."""
-    places = traceback.format_tb(error.__traceback__)
-    return "".join([type(error).__qualname__, "\n", *places])
-
-
-def too_much_memory() -> UnusableMesh:
-    """What is wrong with a file that takes more than a worker may have."""
+def too_much_memory(setup: Setup) -> UnusableMesh:
+    """Error of a mesh that takes more memory than one mesh may."""
     return UnusableMesh(
         "too-much-memory",
-        f"reading this file takes more than the {_worker.setup.memory_bytes} bytes of memory "
+        f"reading this file takes more than the {setup.memory_bytes} bytes of memory "
         "that one mesh is allowed; simplify the mesh or split it up",
     )

@@ -146,7 +146,7 @@ class Played:
             await anyio.sleep(0.01)
 
     def finish(self, number: int) -> None:
-        self.pool.jobs[number].answer(prediction(number, -1.0))
+        self.pool.jobs[number].finish(prediction(number, -1.0))
 
     async def _receive(self) -> dict:
         if not self._asked:
@@ -184,7 +184,7 @@ def test_errors_of_a_batch_keep_nothing_of_it() -> None:
             group.start_soon(played.run)
             await played.begun()
             for job, error in zip(played.pool.jobs, errors, strict=True):
-                job.fail(error)
+                job.finish(error)
         assert b"".join(played.sent).count(b"no-faces") == 3
 
     anyio.run(play)
@@ -208,11 +208,11 @@ def test_who_leaves_midway_is_told_apart(caplog: pytest.LogCaptureFixture, runni
             if running:
                 jobs[1].begin()
             played.leaves.set()
-            while not jobs[2].future.cancelled():
+            while not jobs[2].cancelled():
                 await anyio.sleep(0.01)
             if running:
                 played.finish(1)
-            assert jobs[1].future.cancelled() != running
+            assert jobs[1].cancelled() != running
 
     anyio.run(play)
     line = caplog.records[-1]

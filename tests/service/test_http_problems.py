@@ -160,7 +160,7 @@ class FailingPool(WorkerPool):
 
     def submit(self, task: Task, expires: float | None = None) -> Job:
         job = Job(task, expires)
-        job.fail(TaskFailed("at a secret place"))
+        job.finish(TaskFailed("at a secret place"))
         return job
 
 

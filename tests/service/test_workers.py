@@ -6,11 +6,10 @@ import errno
 import gc
 import os
 import signal
-import threading
 import time
 import weakref
 from collections.abc import Iterator
-from concurrent.futures import Future, wait
+from concurrent.futures import wait
 from contextlib import contextmanager
 from multiprocessing.context import ForkServerProcess
 from pathlib import Path
@@ -23,19 +22,16 @@ from meshconv3d.model.errors import LimitExceeded, MalformedFile, UnusableMesh
 from meshconv3d.model.loading import Limits
 from meshconv3d.service.classifier import Classifier
 from meshconv3d.service.models import ModelFile
-from meshconv3d.service.prediction import Prediction
 from meshconv3d.service.workers import (
     DeadlineExceeded,
     NotStarted,
     Setup,
     Task,
-    ThreadedPool,
     WorkerPool,
 )
-from tests.processes import held, idle, until, workers
+from tests.processes import held, until, workers
 
 MEMORY = 2**30
-Answer = Future[Prediction]
 
 
 class Deadly(str):
@@ -43,14 +39,6 @@ class Deadly(str):
 
     def __hash__(self) -> int:
         os._exit(3)
-
-
-class Hanging(str):
-    """A model's name that is looked for without end."""
-
-    def __hash__(self) -> int:
-        time.sleep(3600)
-        return 0
 
 
 def setup(*models: ModelFile) -> Setup:
@@ -62,10 +50,10 @@ def soon() -> float:
 
 
 @contextmanager
-def opened(model_file: Path, count: int) -> Iterator[tuple[ThreadedPool, list[int]]]:
+def opened(model_file: Path, count: int) -> Iterator[tuple[WorkerPool, list[int]]]:
     """A pool, and its processes."""
     others = workers(os.getpid())
-    pool = ThreadedPool(setup(ModelFile.read(str(model_file))), count)
+    pool = WorkerPool(setup(ModelFile.read(str(model_file))), count)
     pool.start()
     try:
         yield pool, [worker for worker in workers(os.getpid()) if worker not in others]
@@ -74,7 +62,7 @@ def opened(model_file: Path, count: int) -> Iterator[tuple[ThreadedPool, list[in
 
 
 @pytest.fixture(scope="module")
-def pool(model_file: Path) -> Iterator[ThreadedPool]:
+def pool(model_file: Path) -> Iterator[WorkerPool]:
     with opened(model_file, 1) as (one, _):
         yield one
 
@@ -85,7 +73,7 @@ def ring(meshes: Path) -> Task:
 
 
 def test_the_prediction_is_that_of_the_classifier(
-    pool: ThreadedPool, model_file: Path, meshes: Path
+    pool: WorkerPool, model_file: Path, meshes: Path
 ) -> None:
     content = (meshes / "ring.obj").read_bytes()
     found = pool.submit(Task("tiny", content, "a.obj", "obj"), soon()).result()
@@ -97,7 +85,7 @@ def test_the_prediction_is_that_of_the_classifier(
     assert set(found.timings_ms) == set(here.timings_ms)
 
 
-def test_errors_cross_the_border_as_they_are(pool: ThreadedPool) -> None:
+def test_errors_cross_the_border_as_they_are(pool: WorkerPool) -> None:
     damaged = pool.submit(Task("tiny", b"OFF\n1", None, "off"), soon()).exception()
     assert isinstance(damaged, MalformedFile)
     assert damaged.fault
@@ -107,7 +95,7 @@ def test_errors_cross_the_border_as_they_are(pool: ThreadedPool) -> None:
     assert (error.limit, error.value) == ("faces", 600)
 
 
-def test_an_error_keeps_nothing_of_the_file_that_it_is_of(pool: ThreadedPool) -> None:
+def test_an_error_keeps_nothing_of_the_file_that_it_is_of(pool: WorkerPool) -> None:
     """Not even until garbage is collected: many large files may be damaged."""
     damaged = Task("tiny", b"OFF\n1", None, "off")
     left = weakref.ref(damaged)
@@ -121,15 +109,13 @@ def test_an_error_keeps_nothing_of_the_file_that_it_is_of(pool: ThreadedPool) ->
     assert isinstance(error, MalformedFile)
 
 
-def test_work_whose_time_is_over_is_not_begun(pool: ThreadedPool) -> None:
+def test_work_whose_time_is_over_is_not_begun(pool: WorkerPool) -> None:
     with pytest.raises(DeadlineExceeded):
         pool.submit(Task("tiny", b"", None, None), time.monotonic() - 1).result()
     assert (pool.alive, pool.restarts) == (1, 0)
 
 
 def test_work_that_waits_for_a_slow_one_is_done_by_another(model_file: Path, ring: Task) -> None:
-    """Each of two workers has a mesh, and its next; what one that stands still has as its next is
-    done by the other."""
     with opened(model_file, 2) as (pool, [slow, other]):
         with held([slow]):
             with held([other]):
@@ -146,8 +132,8 @@ def test_work_that_is_cancelled_is_not_done(model_file: Path, ring: Task) -> Non
     deadly = dataclasses.replace(ring, model=Deadly("tiny"))
     with opened(model_file, 1) as (pool, processes):
         with held(processes):
-            works = (ring, deadly, deadly, ring)
-            first, *cancelled, last = [pool.submit(work, soon()) for work in works]
+            tasks = (ring, deadly, deadly, ring)
+            first, *cancelled, last = [pool.submit(work, soon()) for work in tasks]
             assert not wait([first], timeout=0.3).done
             for future in cancelled:
                 future.cancel()
@@ -167,72 +153,37 @@ def test_a_worker_that_dies_loses_nothing_that_it_had_not_begun(
         assert pool.restarts == 1
 
 
-@contextmanager
-def in_a_row(
-    pool: ThreadedPool, worker: int, works: list[Task]
-) -> Iterator[list[Future[Prediction]]]:
-    """Work for one worker, which has each as its next while it does the one before.
-
-    Within it the front has other things to do, once it has the first answer, and the worker has
-    done what it can do meanwhile.
-    """
-    futures = list[Answer]()
-    free = threading.Event()
-
-    def submit_all(_: Answer) -> None:
-        futures.extend(pool.submit(work, soon()) for work in works)
-        futures[0].add_done_callback(lambda _: free.wait(30))
-
-    with held([worker]):
-        pool.submit(works[0], soon()).add_done_callback(submit_all)
-    until(lambda: len(futures) == len(works) and futures[0].done())
-    until(lambda: idle(worker))
-    try:
-        yield futures
-    finally:
-        free.set()
-
-
-def test_work_that_ends_its_worker_as_its_next_does_so_once(model_file: Path, ring: Task) -> None:
+def test_a_task_that_ends_its_worker_costs_no_other(model_file: Path, ring: Task) -> None:
     deadly = dataclasses.replace(ring, model=Deadly("tiny"))
-    with opened(model_file, 1) as (pool, [worker]):
-        with in_a_row(pool, worker, [ring, deadly, ring]) as (first, second, third):
-            assert first.done()
+    with opened(model_file, 1) as (pool, processes):
+        with held(processes):
+            first, second, third = [pool.submit(task, soon()) for task in (ring, deadly, ring)]
         with pytest.raises(UnusableMesh, match="exit code 3"):
             second.result()
         assert first.result().label == third.result().label
         assert pool.restarts == 1
 
 
-def test_work_that_was_answered_as_its_worker_died_is_answered(
-    model_file: Path, ring: Task
-) -> None:
-    with opened(model_file, 1) as (pool, [worker]):
-        with in_a_row(pool, worker, [ring, ring]) as (_, second):
-            os.kill(worker, signal.SIGKILL)
-        assert second.result().label
-        until(lambda: pool.restarts == 1)
+def test_a_job_can_be_cancelled_until_a_worker_begins_with_it(model_file: Path, ring: Task) -> None:
+    with opened(model_file, 1) as (pool, processes):
+        with held(processes):
+            running, waiting = pool.submit(ring, soon()), pool.submit(ring, soon())
+            until(lambda: running.attempts)
+            assert not running.cancel()
+            assert waiting.cancel()
+            assert waiting.cancel()
+            assert waiting.task is None  # nor are its bytes kept
+            assert wait([waiting], timeout=0).done
+        assert running.result().label
+        assert not running.cancel()
 
 
-def test_work_that_hangs_and_is_cancelled_costs_nothing_else(model_file: Path, ring: Task) -> None:
-    """Not even where the worker has it as its next, and begins before it is asked not to."""
-    hanging = dataclasses.replace(ring, model=Hanging("tiny"))
-    pool = WorkerPool(setup(ModelFile.read(str(model_file))), 1)
-    pool.start()
+def test_an_event_loop_awaits_jobs(pool: WorkerPool, ring: Task) -> None:
+    async def play() -> list[str]:
+        jobs = [asyncio.wrap_future(pool.submit(ring, soon())) for _ in range(3)]
+        return [prediction.label for prediction in await asyncio.gather(*jobs)]
 
-    async def play() -> None:
-        pool.attach()
-        first, second = pool.submit(ring), pool.submit(hanging, time.monotonic() + 2)
-        for _ in range(10):
-            await asyncio.sleep(0)  # until the worker has both
-        assert second.cancel()
-        time.sleep(0.5)  # it has most likely begun with the second by then
-        last = pool.submit(ring)
-        assert (await first.future).label == (await last.future).label
-        pool.close()
-        await pool.wait_closed()
-
-    asyncio.run(play())
+    assert len(set(asyncio.run(play()))) == 1
 
 
 def test_long_names_do_not_keep_who_hands_work_over(model_file: Path, ring: Task) -> None:
@@ -252,7 +203,7 @@ def test_a_stop_leaves_nobody_waiting(model_file: Path, ring: Task) -> None:
 
 
 def test_a_model_that_cannot_be_opened_is_told_by_its_path(tmp_path: Path) -> None:
-    refused = ThreadedPool(setup(ModelFile(tmp_path / "my.onnx", b"nothing")), workers=1)
+    refused = WorkerPool(setup(ModelFile(tmp_path / "my.onnx", b"nothing")), workers=1)
     with pytest.raises(ModelFileError, match=r"my\.onnx"):
         refused.start()
 
@@ -267,4 +218,4 @@ def test_a_worker_that_is_gone_as_it_starts_is_told(
 
     monkeypatch.setattr(ForkServerProcess, "start", start)
     with pytest.raises(NotStarted, match="a worker process does not start"):
-        ThreadedPool(setup(ModelFile.read(str(model_file))), workers=1).start()
+        WorkerPool(setup(ModelFile.read(str(model_file))), workers=1).start()

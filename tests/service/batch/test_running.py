@@ -24,7 +24,7 @@ from meshconv3d.service.batch.running import (
 from meshconv3d.service.classifier import Classifier
 from meshconv3d.service.models import ModelFile
 from meshconv3d.service.records import record
-from meshconv3d.service.workers import Setup, Task, ThreadedPool, predict
+from meshconv3d.service.workers import Setup, Task, WorkerPool, predict
 from tests.processes import held, until
 from tests.processes import workers as workers_of
 
@@ -41,7 +41,7 @@ def serial(model_file: Path) -> Executor:
 @pytest.fixture(scope="module")
 def workers(model_file: Path) -> Iterator[PoolExecutor]:
     setup = Setup([ModelFile.read(str(model_file))], Limits(), MEMORY, seconds=60.0)
-    pool = ThreadedPool(setup, 2)
+    pool = WorkerPool(setup, 2)
     pool.start()
     with PoolExecutor(pool, 2) as executor:
         yield executor
@@ -93,7 +93,7 @@ def test_the_deadline_begins_with_the_work(model_file: Path, meshes: Path) -> No
     """Not as it is queued: behind one that takes all its time, the other has all of its own."""
     setup = Setup([ModelFile.read(str(model_file))], Limits(), MEMORY, seconds=5.0)
     before = set(workers_of(os.getpid()))
-    pool = ThreadedPool(setup, 1)
+    pool = WorkerPool(setup, 1)
     pool.start()
     with PoolExecutor(pool, 1) as executor:
         held_up = set(workers_of(os.getpid())) - before
@@ -133,7 +133,7 @@ def test_the_listing_runs_ahead_only_so_far(workers: PoolExecutor, meshes: Path)
 
 def test_a_stopped_executor_leaves_nothing_waiting(model_file: Path, meshes: Path) -> None:
     setup = Setup([ModelFile.read(str(model_file))], Limits(), MEMORY, seconds=30.0)
-    pool = ThreadedPool(setup, 1)
+    pool = WorkerPool(setup, 1)
     pool.start()
     executor = PoolExecutor(pool, 1)
     with executor:

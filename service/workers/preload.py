@@ -1,0 +1,33 @@
+"""Imported by the fork server, so that each worker is forked with all libraries loaded and all
+kernels compiled, in a fraction of a second."""
+
+import signal
+import sys
+from pickle import UnpicklingError
+from types import TracebackType
+
+import meshconv3d.service.workers.tasks  # noqa: F401 (loading it is the purpose)
+from meshconv3d.model.config import NetworkConfig
+from meshconv3d.model.loading import load_mesh
+from meshconv3d.model.preparation import prepare
+from meshconv3d.model.samples import sample_paths
+from meshconv3d.model.topology.inputs import mesh_inputs
+
+# A terminal or a service manager signals all processes of the service at once. The fork server and
+# the workers, which inherit this, go on until the service has drained; they end when it closes.
+signal.signal(signal.SIGTERM, signal.SIG_IGN)
+signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _excepthook(kind: type[BaseException], error: BaseException, trace: TracebackType) -> None:
+    """Print the error, unless it is of a worker whose service ended before it had its setup."""
+    if not issubclass(kind, EOFError | UnpicklingError):
+        sys.__excepthook__(kind, error, trace)
+
+
+sys.excepthook = _excepthook
+
+# Between them, the samples take every path: all formats, too many faces and too few.
+_config = NetworkConfig(classes=("this", "that"))
+for _path in sample_paths().values():
+    mesh_inputs(prepare(load_mesh(_path), _config.face_budget)[0], _config)
