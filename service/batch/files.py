@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from meshconv3d.model.loading import is_hidden, walk_files
 from meshconv3d.service.records import readable
@@ -21,66 +21,49 @@ from meshconv3d.service.records import readable
 NO_FILE = "it is no file; pipe what it holds to -"
 
 
-class File(Protocol):
-    """A file that was listed. Small, and fit to be sent to other processes: the bytes are read
-    where they are needed."""
+@dataclass(frozen=True)
+class File:
+    """A file that was listed. Small, and can be sent to other processes: the bytes are read where
+    they are needed.
 
-    @property
-    def name(self) -> str:
-        """As its record has it."""
-        ...
+    name: as its record has it. below: its path from where it was found, with slashes. declared:
+    its extension or format, or None.
+    """
 
-    @property
-    def below(self) -> str:
-        """Its path from where it was found, with slashes."""
-        ...
-
-    @property
-    def declared(self) -> str | None:
-        """What tells its format, if anything does."""
-        ...
+    name: str
+    below: str
+    declared: str | None
 
     def size(self) -> int:
         """In bytes; 0 where that is not known before it is read."""
-        ...
+        return 0
 
     def read(self) -> bytes:
         """All of it. Raises OSError."""
-        ...
+        raise NotImplementedError
 
 
-@dataclass(frozen=True)
-class StandardInput:
+class StandardInput(File):
     """The one mesh that standard input holds."""
-
-    declared: str | None
-    name: str = "-"
-    below: str = "-"
-
-    def size(self) -> int:
-        return 0
 
     def read(self) -> bytes:
         return sys.stdin.buffer.read()
 
 
 @dataclass(frozen=True)
-class LocalFile:
+class LocalFile(File):
     """A file of this machine. host: where it was listed, if other machines may read it."""
 
     path: str
-    name: str
-    below: str
-    declared: str | None
     host: str | None = None
 
     @classmethod
     def at(cls, path: str, root: str | None = None, declared: str | None = None) -> "LocalFile":
-        """root: the folder in which it was found; None for a file that was named. declared: its
-        format, where that is not told by its name."""
+        """root: the folder in which it was found; None for a file that was named."""
         below = os.path.relpath(path, root) if root else os.path.basename(path)
-        extension = declared or os.path.splitext(path)[1]
-        return cls(path, readable(path), readable(below), extension)
+        return cls(
+            readable(path), readable(below), declared or os.path.splitext(path)[1], path=path
+        )
 
     def shared(self) -> "LocalFile":
         """For other machines, which have the same path but another current folder."""
@@ -95,7 +78,7 @@ class LocalFile:
     def read(self) -> bytes:
         """Raises OSError, also for what is no file any more: reading a pipe might never end."""
         try:
-            with open(self.path, "rb", opener=_at_once) as file:
+            with open(self.path, "rb", opener=_without_waiting) as file:
                 if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
                     raise OSError(errno.EINVAL, NO_FILE)
                 return file.read()
@@ -110,24 +93,18 @@ class LocalFile:
             ) from None
 
 
-def _at_once(path: str, flags: int) -> int:
+def _without_waiting(path: str, flags: int) -> int:
     return os.open(path, flags | os.O_NONBLOCK)
 
 
 @dataclass(frozen=True)
-class RemoteFile:
+class RemoteFile(File):
     """A file behind a URL. url: that by which it was found. length: in bytes; None where the
     listing does not tell, as over HTTP."""
 
     url: str
     path: str
-    name: str
-    below: str
     length: int | None
-
-    @property
-    def declared(self) -> str | None:
-        return os.path.splitext(self.path)[1]
 
     @cached_property
     def _size(self) -> int | None:
@@ -179,8 +156,7 @@ def remote_errors() -> Iterator[None]:
 
 
 def exists(path: str) -> bool:
-    """Whether there is anything at a path or URL, be it a link that leads nowhere. Raises
-    OSError."""
+    """Whether there is anything at a path or URL, be it a broken link. Raises OSError."""
     if not is_url(path):
         return os.path.lexists(path)
     fs, inner = filesystem(path)
@@ -190,25 +166,25 @@ def exists(path: str) -> bool:
 
 
 def is_folder(path: str) -> bool | None:
-    """What a path or URL names: True for a folder, False for a file, None for nothing. Raises
-    OSError."""
+    """True for the path or URL of a folder, False for a file, None for nothing. Raises OSError."""
     if is_url(path):
         fs, inner = filesystem(path)
         with remote_errors():
             return True if fs.isdir(inner) else False if fs.exists(inner) else None
-    if os.path.exists(path) and not os.path.isdir(path) and not os.path.isfile(path):
+    if not os.path.exists(path):
+        return None
+    if not os.path.isdir(path) and not os.path.isfile(path):
         raise OSError(errno.EINVAL, NO_FILE)  # a device may have no end, a pipe can be read once
-    return os.path.isdir(path) if os.path.exists(path) else None
+    return os.path.isdir(path)
 
 
 def file_at(path: str, declared: str | None = None) -> File:
-    """The file that a path or URL names. Raises OSError."""
+    """The file that a path or URL names. declared: its format, or None. Raises OSError."""
     if not is_url(path):
         return LocalFile.at(path, declared=declared)
     fs, inner = filesystem(path)
     with remote_errors():
-        info = fs.info(inner)
-    return RemoteFile(path, info["name"], path, inner.rpartition("/")[2], info["size"])
+        return _remote_file(path, path, inner.rpartition("/")[2], fs.info(inner), declared)
 
 
 def walk(folder: str) -> Iterator[File]:
@@ -232,7 +208,7 @@ def _walk_remote(folder: str) -> Iterator[RemoteFile]:
                     break
                 below = path.removeprefix(root).lstrip("/")
                 url = f"{fs.unstrip_protocol(path)}{chain}{outer}"
-                yield RemoteFile(folder, path, url, below, info["size"])
+                yield _remote_file(folder, url, below, info)
             else:
                 levels.pop()
 
@@ -243,3 +219,11 @@ def _listed(fs: Any, folder: str) -> Iterator[dict[str, Any]]:
     fs.invalidate_cache(folder)  # which would grow with every folder
     found.pop(folder.rstrip("/"), None)  # an object store may have an object in place of a folder
     return iter(found[name] for name in sorted(found) if not is_hidden(name.rpartition("/")[2]))
+
+
+def _remote_file(
+    url: str, name: str, below: str, info: dict[str, Any], declared: str | None = None
+) -> RemoteFile:
+    path = info["name"]
+    extension = declared or os.path.splitext(path)[1]
+    return RemoteFile(name, below, extension, url=url, path=path, length=info["size"])

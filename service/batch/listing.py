@@ -55,7 +55,7 @@ class Choice:
     """Which of the files that are found are classified. One that was named is, whatever its name,
     if it is of the shard.
 
-    include, exclude: patterns; with none to include, all are.
+    include, exclude: patterns; with none to include, all are. shard: None for all.
     """
 
     include: Sequence[str] = ()
@@ -164,7 +164,7 @@ def _match(parts: Sequence[str | None], patterns: Sequence[str]) -> bool:
 
 def _place(path: str, declared: str | None) -> Place:
     if path == STDIN:
-        return Place(path, lambda: [StandardInput(declared)])
+        return Place(path, lambda: [StandardInput(STDIN, STDIN, declared)])
     try:
         folder = is_folder(path)
     except OSError as error:

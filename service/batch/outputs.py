@@ -8,6 +8,7 @@ import csv
 import io
 import json
 from collections.abc import Callable, Collection, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import fields
 from itertools import count, islice
 from pathlib import Path
@@ -18,7 +19,6 @@ from meshconv3d.service.batch.files import exists, filesystem, is_url, remote_er
 from meshconv3d.service.batch.resume import (
     Done,
     Entry,
-    Journal,
     LocalJournal,
     NotWritten,
     RemoteJournal,
@@ -68,23 +68,17 @@ class Output:
         self._write = FORMS[form]
         self._is_journal = form == "jsonl" and not is_url(path)
         self.journal_path = path if self._is_journal else f"{path}.journal"
-        self._journal: Journal
-        self._run = ""
         self._done = Done()
         self._settled = True
-        self._check(resume)
-
-    def _check(self, resume: bool) -> None:
-        if exists(self.journal_path):
-            if not resume:
-                raise NotWritten(
-                    f"{self.path} is there already, or was begun: go on with it by --resume, or "
-                    "name another file"
-                )
-        elif exists(self.path):
+        if not exists(self.journal_path) and exists(path):
             raise NotWritten(
-                f"{self.path} is there already, and finished, without the {self.journal_path} of a "
-                "run that --resume could go on with: name another file"
+                f"{path} is there already, and finished, without the {self.journal_path} of a run "
+                "that --resume could go on with: name another file"
+            )
+        if exists(self.journal_path) and not resume:
+            raise NotWritten(
+                f"{path} is there already, or was begun: go on with it by --resume, or name "
+                "another file"
             )
 
     def begin(self, run: str) -> Iterator[Entry]:
@@ -94,20 +88,15 @@ class Output:
         Raises OSError, and NotWritten where what is there is of another run, or damaged.
         """
         self._run = run
-        remote = is_url(self.path)
         path = self.journal_path
-        self._journal = RemoteJournal(path) if remote else LocalJournal(Path(path))
+        self._journal = RemoteJournal(path) if is_url(path) else LocalJournal(Path(path))
         numbers = count(1)
         self._journal.recover(lambda line: is_kept(line, next(numbers), run, path))
-        for found in self._entries():
-            assert found.sha256 is not None  # of those that are kept
-            self._done.add(found.file, found.sha256)
+        for found in map(parse_line, self._journal):
+            self._done.add(found)
             self.tally.add(fault_of(found))
             self.tally.earlier += 1
             yield found
-
-    def _entries(self) -> Iterator[Entry]:
-        return map(parse_line, self._journal)
 
     def done_as(self, name: str) -> Collection[str]:
         """See `DoneAs`."""
@@ -130,15 +119,21 @@ class Output:
         self._journal.close()
         if kind is not None or self._is_journal:
             return
-        if is_url(self.path):
-            fs, inner = filesystem(self.path)
-            with remote_errors(), fs.open(inner, "wb") as file:
-                self._write(self._entries(), file)
-        else:
-            with replacing(Path(self.path)) as file:
-                self._write(self._entries(), file)
+        with _new_file(self.path) as file:
+            self._write(map(parse_line, self._journal), file)
         if self._settled:
             self._journal.remove()
+
+
+@contextmanager
+def _new_file(path: str) -> Iterator[BinaryIO]:
+    if is_url(path):
+        fs, inner = filesystem(path)
+        with remote_errors(), fs.open(inner, "wb") as file:
+            yield file
+    else:
+        with replacing(Path(path)) as file:
+            yield file
 
 
 def write_lines(entries: Iterable[Entry], file: BinaryIO) -> None:
@@ -175,7 +170,7 @@ def _row(found: Entry) -> dict[str, object]:
     row: dict[str, object] = {}
     for name, value in _plain(found).items():
         cells = value if isinstance(value, dict) else {"": value}
-        row.update({f"{name}.{inner}".rstrip("."): _cell(one) for inner, one in cells.items()})
+        row |= {f"{name}.{inner}".rstrip("."): _cell(one) for inner, one in cells.items()}
     return row
 
 

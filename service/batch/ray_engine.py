@@ -10,7 +10,7 @@ import pickle
 import socket
 from collections.abc import Iterable, Iterator
 from itertools import islice
-from typing import Any, Self
+from typing import Any
 
 # Read as Ray is imported: it neither phones home nor writes where others' output goes.
 os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
@@ -24,6 +24,7 @@ from ray.exceptions import RayError
 from meshconv3d.service.batch.files import File, LocalFile
 from meshconv3d.service.batch.running import (
     DoneAs,
+    Executor,
     ExecutorFailed,
     FileResult,
     Options,
@@ -47,10 +48,10 @@ ANSWER_SECONDS = 10.0
 LOCAL = "local"
 
 
-class RayExecutor:
+class RayExecutor(Executor):
     """In the actors of a cluster, each with one worker process and one CPU; see `Actor`."""
 
-    def __init__(self, setup: Setup, workers: int | None, address: str) -> None:
+    def __init__(self, setup: Setup, workers: int | None, address: str, options: Options) -> None:
         """Connect to a cluster, or start one on this machine.
 
         workers: as many actors; None for as many as the cluster has, or makes, room for. address:
@@ -59,6 +60,7 @@ class RayExecutor:
         """
         self._setup = setup
         self._workers = workers
+        self._options = options
         _connect(address, workers)
         _log_to_files_alone()
         context = ray.data.DataContext.get_current()
@@ -66,15 +68,12 @@ class RayExecutor:
         context.execution_options.preserve_order = True
         context.max_consecutive_actor_init_deaths = STARTS
 
-    def results(
-        self, files: Iterable[File], options: Options, done_as: DoneAs
-    ) -> Iterator[FileResult]:
-        """See `Executor`. Raises ExecutorFailed."""
+    def results(self, files: Iterable[File], done_as: DoneAs) -> Iterator[FileResult]:
         blocks = _blocks(files, done_as)
         while listed := list(islice(blocks, AT_ONCE // BLOCK)):
             classified = ray.data.from_blocks(listed).map_batches(
                 Actor,
-                fn_constructor_args=(self._setup, options),
+                fn_constructor_args=(self._setup, self._options),
                 batch_size=None,
                 batch_format="pyarrow",
                 compute=self._pool(),
@@ -96,9 +95,6 @@ class RayExecutor:
         cpus = max(1, int(ray.cluster_resources().get("CPU", 1)))
         return ray.data.ActorPoolStrategy(min_size=1, initial_size=cpus, **several)
 
-    def __enter__(self) -> Self:
-        return self
-
     def __exit__(self, *_: object) -> None:
         ray.shutdown()
 
@@ -114,8 +110,7 @@ class Actor:
         """Raises ModelFileError, SelfTestError or NotStarted."""
         pool = WorkerPool(setup, 1)
         pool.start()
-        self._executor = PoolExecutor(pool, 1)
-        self._options = options
+        self._executor = PoolExecutor(pool, 1, options)
 
     def __call__(self, block: Block) -> Block:
         """The results of the files that are not done. block: each with the contents with which it
@@ -123,7 +118,7 @@ class Actor:
         pairs = _unpacked(block)
         done = iter([contents for _, contents in pairs])
         files = [file for file, _ in pairs]
-        return _packed(self._executor.results(files, self._options, lambda _: next(done)))
+        return _packed(self._executor.results(files, lambda _: next(done)))
 
 
 def _packed(values: Iterable[Any]) -> Block:

@@ -32,67 +32,49 @@ BINS = 20
 # Classes of a file that the page names.
 LIKELIEST = 3
 
+# A file as the page's script reads it.
+Entry = dict[str, Any]
+
 TEMPLATES = Path(__file__).parent / "templates"
 # Entries of the page that are written at once.
 BUFFERED = 200
 
 
-@dataclass(frozen=True)
-class Shown:
-    """One classified file, as the page needs it. likeliest: the first classes, with their
-    probabilities; of an unknown file, the nearest. milliseconds: of all stages; picture: PNG, or
-    None."""
-
-    file: str
-    unknown: bool
-    likeliest: list[tuple[str, float]]
-    faces: int
-    milliseconds: float
-    picture: bytes | None
-
-    @classmethod
-    def of(cls, answer: Answer, picture: bytes | None) -> "Shown":
-        """What the page needs of an answer, and no more: a report holds thousands."""
-        return cls(
-            answer.file or "-",
-            bool(answer.unknown),
-            [(score.class_, score.probability) for score in answer.scores[:LIKELIEST]],
-            answer.mesh.faces_in,
-            round(sum(answer.timings_ms.values()), 1),
-            picture,
-        )
-
-    def entry(self) -> dict[str, Any]:
-        """As the page's script reads it."""
-        picture = self.picture and base64.b64encode(self.picture).decode()
-        return vars(self) | {"picture": picture}
-
-
 class Gallery:
-    """At most `most` files. What does not fit are the surest of the classes with most files, so
-    that the doubtful ones and small classes stay; the unknown ones count as a class."""
+    """Classified files that are shown, at most `most`, as the page's script reads them.
+
+    What does not fit are the surest of the classes with most files, so that the doubtful ones and
+    small classes stay; the unknown ones count as a class.
+    """
 
     def __init__(self, most: int) -> None:
         self.most = most
         self._held = 0
         self._order = itertools.count()
         # By class, the surest first: (-probability, order of arrival, file).
-        self._classes: dict[str | None, list[tuple[float, int, Shown]]] = defaultdict(list)
+        self._classes: dict[str | None, list[tuple[float, int, Entry]]] = defaultdict(list)
 
-    def add(self, file: Shown) -> None:
+    def add(self, answer: Answer, picture: bytes | None) -> None:
         """Take a file, and let one go where that makes too many."""
-        label, probability = file.likeliest[0]
-        key = None if file.unknown else label
-        heapq.heappush(self._classes[key], (-probability, next(self._order), file))
+        entry = {
+            "file": answer.file or "-",
+            "unknown": bool(answer.unknown),
+            "likeliest": [(one.class_, one.probability) for one in answer.scores[:LIKELIEST]],
+            "faces": answer.mesh.faces_in,
+            "milliseconds": round(sum(answer.timings_ms.values()), 1),
+            "picture": picture and base64.b64encode(picture).decode(),
+        }
+        key = None if answer.unknown else answer.class_
+        heapq.heappush(self._classes[key], (-answer.probability, next(self._order), entry))
         self._held += 1
         if self._held > self.most:
             heapq.heappop(max(self._classes.values(), key=len))
             self._held -= 1
 
-    def least_certain_first(self) -> list[Shown]:
+    def least_certain_first(self) -> list[Entry]:
         """The files that are held."""
-        held = (entry for files in self._classes.values() for entry in files)
-        return [file for _, _, file in sorted(held, key=lambda entry: (-entry[0], entry[1]))]
+        held = (one for files in self._classes.values() for one in files)
+        return [entry for _, _, entry in sorted(held, key=lambda one: (-one[0], one[1]))]
 
 
 @dataclass
@@ -135,7 +117,7 @@ class Report:
         else:
             self.classes[record.class_] += 1
             self.histogram[min(int(record.probability * BINS), BINS - 1)] += 1
-        self.gallery.add(Shown.of(record, picture))
+        self.gallery.add(record, picture)
         timings = record.timings_ms
         slow = (sum(timings.values()), next(self._order), record.file or "-", timings)
         heapq.heappush(self._slowest, slow)
@@ -183,8 +165,8 @@ def write_page(report: Report, path: Path, seconds: float) -> None:
         seconds=seconds,
         written=datetime.now().astimezone(),
         bins=BINS,
-        files=(file.entry() for file in files),
-        without_picture=sum(file.picture is None for file in files),
+        files=files,
+        without_picture=sum(file["picture"] is None for file in files),
         style=Markup(style),
         script=Markup(script),
         policy=_policy(style, script),

@@ -11,7 +11,7 @@ import sqlite3
 import time
 from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
-from typing import BinaryIO, Protocol, TypeAlias
+from typing import BinaryIO, TypeAlias
 
 from pydantic import TypeAdapter
 
@@ -53,10 +53,6 @@ _ENTRY: TypeAdapter[Entry] = TypeAdapter(Entry)
 
 class NotWritten(ValueError):
     """An output cannot be written as it was asked for; the message says what to do."""
-
-
-class InUse(OSError):
-    """Another process writes the same journal."""
 
 
 def entry(record: Answer | Refusal, sha256: str | None, run: str) -> Entry:
@@ -105,80 +101,56 @@ def is_kept(line: bytes, number: int, run: str, path: str) -> bool:
     return is_settled(found)
 
 
-class Journal(Protocol):
-    """Lines that are added one by one, and found again after any end of the process."""
-
-    def recover(self, keep: Callable[[bytes], bool]) -> None:
-        """Drop the lines that are not to be kept. Raises what `keep` raises, and then all are."""
-        ...
-
-    def __iter__(self) -> Iterator[bytes]:
-        """All lines; the last one may have been cut off, and none has over LONGEST_LINE bytes."""
-        ...
-
-    def add(self, line: bytes) -> None:
-        """Add a line, with its end. Raises OSError."""
-        ...
-
-    def close(self) -> None:
-        """Write what is still held. Raises OSError."""
-        ...
-
-    def remove(self) -> None:
-        """Remove it, once it is closed. Raises OSError."""
-        ...
-
-
 class LocalJournal:
-    """One file. A line is with the system as soon as it was added."""
+    """One file of lines, which are found again after any end of the process: a line is with the
+    system as soon as it was added."""
 
     def __init__(self, path: Path) -> None:
-        """Create it, or go on with it. Raises OSError, InUse."""
+        """Create it, or go on with it. Raises OSError, also where another process does."""
         path.parent.mkdir(parents=True, exist_ok=True)
         self._path = path
         self._file = open_to_append(path)
         _lock(self._file, path)
-        if not os.path.samestat(os.fstat(self._file.fileno()), path.lstat()):
-            raise _in_use(path)  # it was replaced before it was locked
 
     def recover(self, keep: Callable[[bytes], bool]) -> None:
-        """See `Journal`."""
+        """Drop the lines that are not to be kept. Raises what `keep` raises, and then all are."""
         with replacing(self._path) as fresh:
-            _lock(fresh, self._path)
+            fcntl.flock(fresh, fcntl.LOCK_EX)
             fresh.writelines(filter(keep, self))
             kept = os.dup(fresh.fileno())  # with its lock
         self._file.close()
         self._file = open(kept, "r+b")  # noqa: SIM115 (open until closed)
 
     def __iter__(self) -> Iterator[bytes]:
+        """All lines; the last one may have been cut off, and none has over LONGEST_LINE bytes."""
         with self._path.open("rb") as file:
             yield from iter(lambda: file.readline(LONGEST_LINE), b"")
 
     def add(self, line: bytes) -> None:
-        """See `Journal`."""
+        """Add a line, with its end. Raises OSError."""
         with errors_naming(self._path):
             self._file.write(line)
             self._file.flush()
 
     def close(self) -> None:
-        """See `Journal`."""
+        """Write what is still held. Raises OSError."""
         with errors_naming(self._path), self._file:
             os.fsync(self._file.fileno())
 
     def remove(self) -> None:
-        """See `Journal`."""
+        """Remove it, once it is closed. Raises OSError."""
         self._path.unlink()
 
 
 class RemoteJournal:
-    """A folder behind a URL, of parts that are written whole.
+    """A folder behind a URL, of parts that are written whole; its methods are those of
+    `LocalJournal`.
 
     To append as fsspec offers it would lose records: gcsfs replaces the file instead. A process
     that is killed loses the part that it was gathering, whose files are then classified again.
     """
 
     def __init__(self, url: str) -> None:
-        """Create it, or go on with it. Raises OSError."""
         self._fs, self._folder = filesystem(url)
         self._gathered: list[bytes] = []
         self._since = time.monotonic()
@@ -189,7 +161,6 @@ class RemoteJournal:
         self._next = int(last.removesuffix(".jsonl") or -1) + 1
 
     def recover(self, keep: Callable[[bytes], bool]) -> None:
-        """See `Journal`."""
         for part in self._parts:
             lines = self._lines(part)
             kept = list(filter(keep, lines))
@@ -209,14 +180,12 @@ class RemoteJournal:
             self._fs.pipe_file(part, b"".join(lines))
 
     def add(self, line: bytes) -> None:
-        """See `Journal`."""
         self._gathered.append(line)
         late = time.monotonic() - self._since > PART_SECONDS
         if late or len(self._gathered) >= PART_LINES:
             self.close()
 
     def close(self) -> None:
-        """See `Journal`."""
         if self._gathered:
             part = f"{self._folder}/{self._next:08}.jsonl"
             self._write(part, self._gathered)
@@ -226,56 +195,46 @@ class RemoteJournal:
         self._since = time.monotonic()
 
     def remove(self) -> None:
-        """See `Journal`."""
         with remote_errors():
             self._fs.rm(self._folder, recursive=True)
 
 
 def _lock(file: BinaryIO, path: Path) -> None:
+    in_use = f"another process writes {path}: wait until it ends, or name another output"
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
-        raise _in_use(path) from None
-
-
-def _in_use(path: Path) -> InUse:
-    return InUse(f"another process writes {path}: wait until it ends, or name another output")
+        raise OSError(in_use) from None
+    if not os.path.samestat(os.fstat(file.fileno()), os.lstat(path)):
+        raise OSError(in_use)  # it was replaced before it was locked
 
 
 class Done:
-    """The files that are done, by name and content. On disk: memory is for what is not done."""
+    """Files that are done, by name and content. On disk: memory is for what is not done."""
 
     def __init__(self) -> None:
         # Without a name: a database that only this process sees, and that goes with it.
         self._files = sqlite3.connect("", isolation_level=None)
         self._execute("PRAGMA journal_mode = OFF")
-        self._execute("CREATE TABLE times (name BLOB PRIMARY KEY, times INTEGER)")
-        self._execute("CREATE TABLE contents (name BLOB, sha256 TEXT, UNIQUE (name, sha256))")
+        self._execute("CREATE TABLE done (name BLOB, sha256 TEXT)")
+        self._execute("CREATE INDEX names ON done (name)")
 
-    def add(self, name: str, content: str) -> None:
-        """Note a file, by its name and the SHA-256 of its content."""
-        key = _key(name)
-        self._execute(
-            "INSERT INTO times VALUES (?, 1) ON CONFLICT DO UPDATE SET times = times + 1", key
-        )
-        self._execute("INSERT OR IGNORE INTO contents VALUES (?, ?)", key, content)
+    def add(self, found: Entry) -> None:
+        """Note the file of an entry."""
+        self._execute("INSERT INTO done VALUES (?, ?)", _key(found.file), found.sha256)
 
     def take(self, name: str) -> Collection[str]:
         """The contents with which the next file of this name is done.
 
-        Given once for each time that the name was noted: a file may have been named twice, and
-        then has two records.
+        Each time one less: a file may have been named twice, and then has two records.
         """
-        key = _key(name)
-        taken = self._execute(
-            "UPDATE times SET times = times - 1 WHERE name = ? AND times > 0", key
-        )
-        if taken.rowcount == 0:
-            return ()
-        found = self._execute("SELECT sha256 FROM contents WHERE name = ?", key)
-        return {content for (content,) in found}
+        query = "SELECT rowid, sha256 FROM done WHERE name = ? ORDER BY rowid"
+        found = self._execute(query, _key(name)).fetchall()
+        if found:
+            self._execute("DELETE FROM done WHERE rowid = ?", found[0][0])
+        return {content for _, content in found}
 
-    def _execute(self, statement: str, *values: bytes | str) -> sqlite3.Cursor:
+    def _execute(self, statement: str, *values: object) -> sqlite3.Cursor:
         try:
             return self._files.execute(statement, values)
         except sqlite3.Error as error:

@@ -13,7 +13,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
-from typing import Protocol, Self, TypeVar
+from typing import Self, TypeVar
 
 from meshconv3d.model.errors import MeshError, UnusableMesh
 from meshconv3d.model.loading import Limits
@@ -42,7 +42,7 @@ Classify = Callable[[Task], Prediction]
 DoneAs = Callable[[str], Collection[str]]
 
 
-class ExecutorFailed(Exception):
+class ExecutorFailed(OSError):
     """An executor cannot go on; the message says why. The results that it gave stand."""
 
 
@@ -105,74 +105,60 @@ def run_id(model_sha256: str, top: int | None, limits: Limits) -> str:
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:16]
 
 
-class Executor(Protocol):
+class Executor:
     """Turns files into results, within bounds on what is held, whatever comes."""
 
-    def results(
-        self, files: Iterable[File], options: Options, done_as: DoneAs
-    ) -> Iterator[FileResult]:
-        """The result of each file that is not done, in their order."""
-        ...
-
-    def __enter__(self) -> Self: ...
-
-    def __exit__(self, *_: object) -> None: ...
-
-
-class SerialExecutor:
-    """In this process. For a few files: worker processes take seconds to start. A file that breaks
-    its reader breaks this process."""
-
-    def __init__(self, classify: Classify) -> None:
-        self._classify = classify
-
-    def results(
-        self, files: Iterable[File], options: Options, done_as: DoneAs
-    ) -> Iterator[FileResult]:
-        """See `Executor`."""
-        for file in files:
-            result = classify_file(file, options, self._classify, done_as(file.name))
-            if result is not None:
-                yield result
+    def results(self, files: Iterable[File], done_as: DoneAs) -> Iterator[FileResult]:
+        """The result of each file that is not done, in their order. Raises ExecutorFailed."""
+        raise NotImplementedError
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
-        pass
+        """Stop what it has started."""
 
 
-class PoolExecutor:
+class SerialExecutor(Executor):
+    """In this process. For a few files: worker processes take seconds to start. A file that breaks
+    its reader breaks this process."""
+
+    def __init__(self, classify: Classify, options: Options) -> None:
+        self._classify = classify
+        self._options = options
+
+    def results(self, files: Iterable[File], done_as: DoneAs) -> Iterator[FileResult]:
+        for file in files:
+            result = classify_file(file, self._options, self._classify, done_as(file.name))
+            if result is not None:
+                yield result
+
+
+class PoolExecutor(Executor):
     """In the processes of a pool that has started; it is stopped at the end.
 
     A thread for each file on its way reads it, and waits for its worker: so what is held is
     bounded by the number of threads, and by their bytes.
     """
 
-    def __init__(self, pool: WorkerPool, workers: int) -> None:
+    def __init__(self, pool: WorkerPool, workers: int, options: Options) -> None:
         self._pool = pool
+        self._options = options
         self._threads = ThreadPoolExecutor(workers * HELD_FOR_EACH, "batch")
         self._budget = Budget(HELD_BYTES)
 
-    def results(
-        self, files: Iterable[File], options: Options, done_as: DoneAs
-    ) -> Iterator[FileResult]:
-        """See `Executor`."""
-
+    def results(self, files: Iterable[File], done_as: DoneAs) -> Iterator[FileResult]:
         def begin(file: File) -> Future[FileResult | None]:
-            return self._threads.submit(self._result, file, options, done_as(file.name))
+            return self._threads.submit(self._result, file, done_as(file.name))
 
         return filter(None, in_order(begin, files))
 
-    def _result(self, file: File, options: Options, done: Collection[str]) -> FileResult | None:
-        with self._budget.held(min(file.size(), options.bytes)):
-            return classify_file(file, options, self._classify, done)
+    def _result(self, file: File, done: Collection[str]) -> FileResult | None:
+        with self._budget.held(min(file.size(), self._options.bytes)):
+            return classify_file(file, self._options, self._classify, done)
 
     def _classify(self, task: Task) -> Prediction:
         return self._pool.submit(task).result()
-
-    def __enter__(self) -> Self:
-        return self
 
     def __exit__(self, *_: object) -> None:
         self._threads.shutdown(wait=False, cancel_futures=True)
@@ -190,20 +176,20 @@ def classify_file(
         sha256 = hashlib.sha256(content).hexdigest()
         if sha256 in done:
             return None
-        prediction = classify(Task(options.model, content, file.name, file.declared))
-        return FileResult(file, prediction, sha256)
+        result: Result = classify(Task(options.model, content, file.name, file.declared))
     except (MeshError, OSError) as error:
-        return FileResult(file, Failure.of(error), sha256)
+        result = Failure.of(error)
     except MemoryError:
         message = "classifying it takes more memory than there is; simplify the mesh or split it up"
-        return FileResult(file, Failure("too-much-memory", message), sha256)
+        result = Failure("too-much-memory", message)
     except DeadlineExceeded:
         message = "classifying it took longer than the deadline; simplify the mesh, or allow more"
-        return FileResult(file, Failure("deadline", message), sha256)
+        result = Failure("deadline", message)
     except TaskFailed as error:
         log.error("one mesh failed: %s", error)
         message = "classifying it failed for an unknown reason; report it, with the file"
-        return FileResult(file, Failure("internal", message), sha256)
+        result = Failure("internal", message)
+    return FileResult(file, result, sha256)
 
 
 def _check_size(size: int, most: int) -> None:

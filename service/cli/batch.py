@@ -21,7 +21,6 @@ from meshconv3d.service.cli.setup import (
 
 if TYPE_CHECKING:
     from meshconv3d.service.batch.listing import Choice, Listing
-    from meshconv3d.service.batch.outputs import Output
     from meshconv3d.service.batch.running import Executor
     from meshconv3d.service.prediction import ModelId
     from meshconv3d.service.settings import Settings
@@ -40,26 +39,11 @@ if TYPE_CHECKING:
 @click.option("--resume", is_flag=True, help="Go on with an output that was interrupted.")
 @model_option
 @top_option
-@click.option(
-    "--include",
-    multiple=True,
-    metavar="GLOB",
-    help="Of folders, only files that fit; a GLOB with a / is held against the path below PATH.",
-)
+@click.option("--include", multiple=True, metavar="GLOB", help="Of folders, only files that fit.")
 @click.option("--exclude", multiple=True, metavar="GLOB", help="Of folders, not those that fit.")
 @click.option("--shard", metavar="I/N", help="Only part I of N, the same one on every machine.")
-@click.option(
-    "--workers",
-    type=click.IntRange(1, 256),
-    help="Processes that classify. [default: one for each usable core]",
-)
-@click.option(
-    "--ray",
-    "address",
-    metavar="ADDRESS",
-    help="Classify over the Ray cluster at HOST:PORT, the one that is found (auto), or one that "
-    "starts on this machine (local).",
-)
+@click.option("--workers", type=click.IntRange(1, 256), help="Processes. [default: usable cores]")
+@click.option("--ray", metavar="ADDRESS", help="On a Ray cluster: HOST:PORT, auto or local.")
 @click.option(
     "--sort-into",
     "folder",
@@ -86,7 +70,7 @@ def batch(
     exclude: tuple[str, ...],
     shard: str | None,
     workers: int | None,
-    address: str | None,
+    ray: str | None,
     folder: Path | None,
     page: Path | None,
 ) -> None:
@@ -100,7 +84,7 @@ def batch(
     from meshconv3d.service.batch.listing import told
     from meshconv3d.service.batch.outputs import Output
     from meshconv3d.service.batch.resume import NotWritten
-    from meshconv3d.service.batch.running import ExecutorFailed, Options, run_id
+    from meshconv3d.service.batch.running import run_id
     from meshconv3d.service.batch.sort import SortedFolder
     from meshconv3d.service.cli.terminal import Progress
     from meshconv3d.service.records import record
@@ -112,10 +96,12 @@ def batch(
     settings = read_settings({"workers": workers})
     if page is not None:
         from meshconv3d.service.batch.report import Report, write_page
-    model_id, executor = _executor(model, settings, workers, address, page is not None)
+    if ray is None:
+        model_id, executor = pool_executor(model, settings, page is not None)
+    else:
+        model_id, executor = _ray_executor(model, settings, workers, ray, page is not None)
     report = None if page is None else Report(model_id, ", ".join(paths))
     sorted_folder = None if folder is None else SortedFolder(folder)
-    options = Options(model_id.name, settings.worker_memory_bytes)
     others: Counter[str] = Counter()
     with executor:
         with usage_errors(NotWritten, option="--output"):
@@ -125,7 +111,7 @@ def batch(
         progress = Progress(listing, output.tally)
         try:
             with output, progress:
-                for one in executor.results(listing.files(others), options, output.done_as):
+                for one in executor.results(listing.files(others), output.done_as):
                     found = record(one.file.name, one.result, top)
                     if sorted_folder is not None:
                         sorted_folder.place(one)
@@ -135,11 +121,9 @@ def batch(
                     output.add(found, one.sha256)
                     progress.update()
         except (KeyboardInterrupt, OSError):
-            _say_how_to_go_on(output)
+            path = output.journal_path
+            click.echo(f"{path} has what is done: go on with it by --resume", err=True)
             raise
-        except ExecutorFailed as error:
-            _say_how_to_go_on(output)
-            raise click.ClickException(str(error)) from None
     if report is not None and page is not None:
         write_page(report, page, progress.seconds)
     click.echo(progress.summary(), err=True)
@@ -177,25 +161,13 @@ def _check(listing: "Listing", folder: Path | None, page: Path | None) -> None:
         )
 
 
-def _executor(
-    model: str | None,
-    settings: "Settings",
-    workers: int | None,
-    address: str | None,
-    pictured: bool,
+def _ray_executor(
+    model: str | None, settings: "Settings", workers: int | None, address: str, pictured: bool
 ) -> "tuple[ModelId, Executor]":
-    if address is None:
-        return pool_executor(model, settings, pictured)
     from meshconv3d.service.batch.ray_engine import RayExecutor
-    from meshconv3d.service.batch.running import ExecutorFailed
+    from meshconv3d.service.batch.running import Options
 
-    classifier = load_classifier(model)
+    model_id = load_classifier(model).model.id
     setup = worker_setup(model, settings, pictured)
-    try:
-        return classifier.model.id, RayExecutor(setup, workers, address)
-    except ExecutorFailed as error:
-        raise click.ClickException(str(error)) from None
-
-
-def _say_how_to_go_on(output: "Output") -> None:
-    click.echo(f"{output.journal_path} has what is done: go on with it by --resume", err=True)
+    options = Options(model_id.name, settings.worker_memory_bytes)
+    return model_id, RayExecutor(setup, workers, address, options)

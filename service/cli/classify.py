@@ -47,21 +47,20 @@ def classify(
     settings = read_settings({})
     listing = list_files(paths, declared=declared)
     few = len(listing.first(FEW + 1)) <= FEW
-    model_id, executor = serial_executor(model) if few else pool_executor(model, settings)
+    _, executor = (serial_executor if few else pool_executor)(model, settings)
 
     from meshconv3d.service.batch.listing import told
-    from meshconv3d.service.batch.running import Options, Tally
-    from meshconv3d.service.cli.terminal import JsonPrinter, Progress, TablePrinter
+    from meshconv3d.service.batch.running import Tally
+    from meshconv3d.service.cli.terminal import Printer, Progress, TablePrinter
 
     at_terminal = sys.stdout.isatty()
-    options = Options(model_id.name, settings.worker_memory_bytes)
     others: Counter[str] = Counter()
     tally = Tally()
     progress = Progress(listing, tally, quiet=as_json and at_terminal)
     tables = at_terminal and not as_json
-    printer = TablePrinter(top, progress.paused) if tables else JsonPrinter(top)
+    printer = TablePrinter(top, progress.paused) if tables else Printer(top)
     with executor, printer, progress:
-        for one in executor.results(listing.files(others), options, lambda _: ()):
+        for one in executor.results(listing.files(others), lambda _: ()):
             tally.add(one.fault)
             printer.add(one.file.name, one.result)
             progress.update()

@@ -2,7 +2,6 @@
 
 import os
 import sys
-from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
@@ -49,7 +48,7 @@ def explain(
     """
     from meshconv3d.service.attribution import FORMS, NotExplained, explained_class
     from meshconv3d.service.batch.running import Options, SerialExecutor
-    from meshconv3d.service.cli.terminal import JsonPrinter, TablePrinter
+    from meshconv3d.service.cli.terminal import Printer, TablePrinter
     from meshconv3d.service.output_files import replacing
     from meshconv3d.service.prediction import Prediction
     from meshconv3d.service.workers import ExplanationOptions, Task, predict
@@ -74,13 +73,13 @@ def explain(
         return predict(named, classifier, False)
 
     options = Options(classifier.model.id.name, read_settings({}).worker_memory_bytes)
-    (one,) = SerialExecutor(explained).results(place.find(), options, lambda _: ())
+    (one,) = SerialExecutor(explained, options).results(place.find(), lambda _: ())
     if isinstance(one.result, Prediction):
         assert one.result.explanation is not None
         out.parent.mkdir(parents=True, exist_ok=True)
         with replacing(out) as written:
             written.write(one.result.explanation)
-    printer = TablePrinter(None, nullcontext) if sys.stdout.isatty() else JsonPrinter(None)
+    printer = TablePrinter(None) if sys.stdout.isatty() else Printer(None)
     with printer:
         printer.add(one.file.name, one.result)
     ctx.exit(0 if one.fault is None else 1)

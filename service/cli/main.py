@@ -1,12 +1,11 @@
 """`meshconv3d`: the table of commands.
 
-Commands are named as text and imported when one is run: `--version` must not wait for NumPy, and
-the rooms of training and export stay unknown to this one.
+A command's module is named as text and imported when it is run: `--version` must not wait for
+NumPy, and nothing of training and export is imported to serve.
 """
 
 import codecs
 import importlib
-import importlib.metadata
 import io
 import logging
 import os
@@ -15,54 +14,41 @@ from collections.abc import Callable
 
 import click
 
-# name -> (module:function in this package, one line of help)
+# name -> (module of this package that has a command of this name, one line of help)
 COMMANDS = {
-    "classify": (
-        "service.cli.classify:classify",
-        "Say what the meshes in files and folders are.",
-    ),
-    "batch": (
-        "service.cli.batch:batch",
-        "Classify folders of any size into one file.",
-    ),
-    "explain": (
-        "service.cli.explain:explain",
-        "Colour a mesh by what speaks for its class.",
-    ),
-    "evaluate": ("service.cli.evaluate:evaluate", "Measure how good a model is."),
-    "serve": ("service.cli.serve:serve", "Answer over HTTP."),
-    "formats": ("service.cli.formats:formats", "List the file formats that are read."),
-    "inspect": ("service.cli.inspect:inspect", "Show a model's card."),
-    "train": (
-        "model.training.cli:train",
-        "Train a network on a folder of labelled meshes.",
-    ),
-    "export": ("export.cli:export", "Turn a checkpoint into one ONNX file."),
-    "verify": ("export.cli:verify", "Compare an ONNX file with its checkpoint."),
+    "classify": ("service.cli.classify", "Say what the meshes in files and folders are."),
+    "batch": ("service.cli.batch", "Classify folders of any size into one file."),
+    "explain": ("service.cli.explain", "Colour a mesh by what speaks for its class."),
+    "evaluate": ("service.cli.evaluate", "Measure how good a model is."),
+    "serve": ("service.cli.serve", "Answer over HTTP."),
+    "formats": ("service.cli.show", "List the file formats that are read."),
+    "inspect": ("service.cli.show", "Show a model's card."),
+    "train": ("model.training.cli", "Train a network on a folder of labelled meshes."),
+    "export": ("export.cli", "Turn a checkpoint into one ONNX file."),
+    "verify": ("export.cli", "Compare an ONNX file with its checkpoint."),
 }
 
-# What each extra installs, by the names under which it is imported.
+# Extra that installs a module, by the name under which it is imported.
 EXTRAS = {
-    "report": {"jinja2", "PIL"},
-    "ray": {"ray"},
-    "parquet": {"pyarrow"},
-    "remote": {"fsspec"},
-    "train": {"torch", "onnx", "onnxscript", "safetensors", "matplotlib"},
+    **dict.fromkeys(("jinja2", "PIL"), "report"),
+    "ray": "ray",
+    "pyarrow": "parquet",
+    "fsspec": "remote",
+    **dict.fromkeys(("torch", "onnx", "onnxscript", "safetensors", "matplotlib"), "train"),
 }
-
 
 # Characters that the commands print and an encoding may lack; any other becomes "?".
 ASCII = {"→": "->", "…": "..."}
 
 
 class MissingExtra(click.ClickException):
-    """A call that cannot be done as the package is installed; its exit code is a wrong one's."""
+    """Error of a call that needs an extra that is not installed; exits as after a wrong call."""
 
     exit_code = 2
 
 
 class Commands(click.Group):
-    """A group that imports a command when it is run, and knows the help of all without."""
+    """Group that imports a command when it is run, and knows the help of all without."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(COMMANDS)
@@ -70,8 +56,8 @@ class Commands(click.Group):
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name not in COMMANDS:
             return None
-        module, function = COMMANDS[cmd_name][0].split(":")
-        return getattr(importlib.import_module(f"meshconv3d.{module}"), function)
+        module, _ = COMMANDS[cmd_name]
+        return getattr(importlib.import_module(f"meshconv3d.{module}"), cmd_name)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         with formatter.section("Commands"):
@@ -81,7 +67,7 @@ class Commands(click.Group):
         try:
             return super().invoke(ctx)
         except ModuleNotFoundError as error:
-            extra = _extra_with(error.name, ctx.invoked_subcommand)
+            extra = EXTRAS.get((error.name or "").partition(".")[0])
             if extra is None:
                 raise
             raise MissingExtra(
@@ -95,44 +81,21 @@ class Commands(click.Group):
 
 
 class _Once(logging.Filter):
-    """Lets each message through once: folders are walked several times, to count them, too."""
+    """Passes each message once: folders are walked several times, to count them, too."""
 
     def __init__(self) -> None:
         super().__init__()
-        self._said: set[str] = set()
+        self._passed: set[str] = set()
 
     def filter(self, record: logging.LogRecord) -> bool:
         message = record.getMessage()
-        new = message not in self._said
-        self._said.add(message)
+        new = message not in self._passed
+        self._passed.add(message)
         return new
 
 
-def _extra_with(module: str | None, command: str | None) -> str | None:
-    """The extra that installs a module, named as in `import`, if one does.
-
-    Pillow is in several: then it is the one that is named like the command, or the first.
-    """
-    package = (module or "").partition(".")[0]
-    extras = [extra for extra, packages in EXTRAS.items() if package in packages]
-    return command if command in extras else next(iter(extras), None)
-
-
-def _print_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
-    if wanted:
-        click.echo(f"meshconv3d {importlib.metadata.version('meshconv3d')}")
-        ctx.exit()
-
-
 @click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})
-@click.option(
-    "--version",
-    is_flag=True,
-    expose_value=False,
-    is_eager=True,
-    callback=_print_version,
-    help="Print the version.",
-)
+@click.version_option(package_name="meshconv3d", message="%(prog)s %(version)s")
 def commands() -> None:
     """What is this 3D mesh? MeshConv3D classifies raw triangle meshes."""
     handler = logging.StreamHandler()
@@ -144,16 +107,10 @@ def commands() -> None:
 
 def main() -> None:
     """Run the command line; a reader that closes the pipe early is no failure."""
-    # Python has None in place of a stream that the caller closed.
-    sys.stdin = sys.stdin or open(os.devnull)  # noqa: SIM115 (open until exit)
-    sys.stdout = sys.stdout or open(os.devnull, "w")  # noqa: SIM115
-    codecs.register_error("ascii-like", _ascii_like)
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="ascii-like")
+    _prepare_streams()
     run: Callable[..., object] = commands
     try:
-        status = run(standalone_mode=False)
+        status = run(prog_name="meshconv3d", standalone_mode=False)
         sys.stdout.flush()
     except (click.exceptions.Abort, SystemError) as error:
         if isinstance(error, SystemError) and not _comes_from_interrupt(error):
@@ -164,7 +121,7 @@ def main() -> None:
         error.show()
         sys.exit(error.exit_code)
     except MemoryError:
-        click.echo("Error: not enough memory; raise the limit of it (ulimit -v)", err=True)
+        click.echo("Error: there is not enough memory (see ulimit -v)", err=True)
         sys.exit(1)
     except BrokenPipeError:
         _drop_output()
@@ -177,8 +134,19 @@ def main() -> None:
     sys.exit(status if isinstance(status, int) else 0)
 
 
+def _prepare_streams() -> None:
+    """Have all three standard streams, and none that fails at a character."""
+    # Python has None in place of a stream that the caller closed.
+    sys.stdin = sys.stdin or open(os.devnull)  # noqa: SIM115 (open until exit)
+    sys.stdout = sys.stdout or open(os.devnull, "w")  # noqa: SIM115
+    codecs.register_error("ascii-like", _ascii_like)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="ascii-like")
+
+
 def _ascii_like(error: UnicodeError) -> tuple[str, int]:
-    """Error handler of the standard streams: what a terminal's encoding lacks, in ASCII."""
+    """Error handler: characters that a terminal's encoding lacks, in ASCII."""
     if not isinstance(error, UnicodeEncodeError):
         raise error
     text = error.object[error.start : error.end]
@@ -195,5 +163,5 @@ def _comes_from_interrupt(error: BaseException | None) -> bool:
 
 
 def _drop_output() -> None:
-    """Send what is left to nowhere: Python flushes stdout at exit, and would complain then."""
+    """Discard what is left: Python flushes stdout at exit, and would complain then."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -107,13 +107,15 @@ def list_files(
         return Listing(paths, choice, declared)
 
 
-def serial_executor(model: str | None) -> "tuple[ModelId, SerialExecutor]":
+def serial_executor(model: str | None, settings: "Settings") -> "tuple[ModelId, SerialExecutor]":
     """This process, and the model that it has opened."""
-    from meshconv3d.service.batch.running import SerialExecutor
+    from meshconv3d.service.batch.running import Options, SerialExecutor
     from meshconv3d.service.workers import predict
 
     classifier = load_classifier(model)
-    return classifier.model.id, SerialExecutor(lambda task: predict(task, classifier, False))
+    options = Options(classifier.model.id.name, settings.worker_memory_bytes)
+    executor = SerialExecutor(lambda task: predict(task, classifier, False), options)
+    return classifier.model.id, executor
 
 
 def pool_executor(
@@ -122,7 +124,7 @@ def pool_executor(
     """Worker processes that have started, and their model. pictured: with a picture of each
     mesh."""
     from meshconv3d.export.metadata import ModelFileError
-    from meshconv3d.service.batch.running import PoolExecutor
+    from meshconv3d.service.batch.running import Options, PoolExecutor
     from meshconv3d.service.classifier import SelfTestError
     from meshconv3d.service.workers import NotStarted, WorkerPool
 
@@ -135,7 +137,8 @@ def pool_executor(
     except NotStarted as error:
         raise click.ClickException(str(error)) from None
     (info,) = pool.models.values()
-    return info.id, PoolExecutor(pool, settings.workers)
+    options = Options(info.id.name, settings.worker_memory_bytes)
+    return info.id, PoolExecutor(pool, settings.workers, options)
 
 
 def worker_setup(model: str | None, settings: "Settings", pictured: bool) -> "Setup":

@@ -3,8 +3,8 @@
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import AbstractContextManager, contextmanager, suppress
-from typing import Protocol, Self, TypeVar
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from typing import Self, TypeVar
 
 import click
 from rich.console import Console
@@ -137,69 +137,50 @@ class Progress:
             self._bar.update(task, total=sum(1 for _ in self._listing))
 
 
-class Printer(Protocol):
-    """Prints results on standard output."""
+class Printer:
+    """Prints results on standard output: as JSON Lines, as they come.
 
-    def add(self, name: str, result: Result) -> None:
-        """Take the result of the file of this name."""
-        ...
-
-    def __enter__(self) -> Self: ...
-
-    def __exit__(self, *_: object) -> None:
-        """Print what is left; also after an error."""
-        ...
-
-
-class JsonPrinter:
-    """Prints JSON Lines, as they come."""
+    top: only so many classes of each, or all.
+    """
 
     def __init__(self, top: int | None) -> None:
         self._top = top
 
     def add(self, name: str, result: Result) -> None:
-        """See `Printer`."""
+        """Take the result of the file of this name."""
         click.echo(to_json(record(name, result, self._top)))
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """See `Printer`."""
+        """Print what is left; also after an error."""
 
 
-class TablePrinter:
-    """Prints tables, each with the reasons of its refusals below."""
+class TablePrinter(Printer):
+    """As tables for a person, each with the reasons of its refusals below."""
 
     def __init__(
-        self, top: int | None, undisturbed: Callable[[], AbstractContextManager[None]]
+        self, top: int | None, undisturbed: Callable[[], AbstractContextManager[None]] = nullcontext
     ) -> None:
         """undisturbed: nothing else writes to the terminal within it."""
-        self._top = TABLE_TOP if top is None else top
+        super().__init__(TABLE_TOP if top is None else top)
         self._undisturbed = undisturbed
         self._results: list[tuple[str, Result]] = []
 
     def add(self, name: str, result: Result) -> None:
-        """See `Printer`."""
         self._results.append((shown(name), result))
         if len(self._results) >= PAGE:
-            self._print()
-
-    def __enter__(self) -> Self:
-        return self
+            self.__exit__()
 
     def __exit__(self, *_: object) -> None:
-        """See `Printer`."""
-        self._print()
-
-    def _print(self) -> None:
         if self._results:
             with self._undisturbed():
                 _print_table(self._results, self._top)
         self._results = []
 
 
-def _print_table(results: list[tuple[str, Result]], top: int) -> None:
+def _print_table(results: list[tuple[str, Result]], top: int | None) -> None:
     table = Table(box=None, pad_edge=False)
     table.add_column("File", overflow="fold")
     table.add_column("Class")
@@ -215,7 +196,7 @@ def _print_table(results: list[tuple[str, Result]], top: int) -> None:
             console.print(f"[red]{name}: {shown(result.message)}[/red]", soft_wrap=True)
 
 
-def _cells(result: Result, top: int) -> list[str]:
+def _cells(result: Result, top: int | None) -> list[str]:
     if isinstance(result, Failure):
         return [f"[red]{shown(result.fault)}[/red]"]
     before, after = result.report.faces_in, result.report.faces_used

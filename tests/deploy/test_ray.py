@@ -103,7 +103,7 @@ def test_the_job_is_a_call_that_can_be_gone_on_with() -> None:
     program, command, *arguments = shlex.split(manifest()["spec"]["entrypoint"])
     assert (program, command) == ("meshconv3d", "batch")
     given = batch.make_context("batch", arguments).params
-    assert (given["address"], given["resume"]) == ("auto", True)
+    assert (given["ray"], given["resume"]) == ("auto", True)
     assert given["file"].startswith("s3://")
 
 

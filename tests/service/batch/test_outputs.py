@@ -15,7 +15,7 @@ from meshconv3d.model.loading import Limits
 from meshconv3d.model.samples import sample_paths
 from meshconv3d.service.attribution import explain
 from meshconv3d.service.batch.outputs import CSV_COLUMNS, FORMS, Output
-from meshconv3d.service.batch.resume import LONGEST_LINE, InUse, NotWritten, entry
+from meshconv3d.service.batch.resume import LONGEST_LINE, NotWritten, entry
 from meshconv3d.service.batch.running import run_id
 from meshconv3d.service.classifier import Classifier
 from meshconv3d.service.records import answer as record_of
@@ -281,7 +281,7 @@ def test_two_do_not_write_the_same(tmp_path: Path) -> None:
     path = tmp_path / "all.jsonl"
     with begun(path) as first:
         first.add(*added("a.obj"))
-        with pytest.raises(InUse, match="another process writes"):
+        with pytest.raises(OSError, match="another process writes"):
             begun(path)
 
 

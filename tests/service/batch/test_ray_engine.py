@@ -5,7 +5,7 @@ import os
 import subprocess
 import time
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -72,25 +72,18 @@ def setup(model_file: Path) -> Setup:
 @pytest.fixture
 def serial(model_file: Path) -> SerialExecutor:
     classifier = Classifier.load(str(model_file))
-    return SerialExecutor(lambda task: predict(task, classifier, False))
+    return SerialExecutor(lambda task: predict(task, classifier, False), OPTIONS)
 
 
 @dataclass(frozen=True)
-class Noted:
+class Noted(File):
     """A file that takes its time, and leaves the node that read it as a file in `notes`."""
 
     file: File
-    name: str
     notes: Path
-    below: str = ""
-    declared: str | None = ".obj"
-    seconds: float = field(default=0.05)
-
-    def size(self) -> int:
-        return self.file.size()
 
     def read(self) -> bytes:
-        time.sleep(self.seconds)
+        time.sleep(0.05)
         node = ray.get_runtime_context().get_node_id()
         (self.notes / f"{self.name} {node} {time.monotonic_ns()}").touch()
         return self.file.read()
@@ -123,10 +116,10 @@ def test_a_cluster_gives_the_records_of_one_process(
         calls += name.endswith("ring.obj")
         return {ring, "0" * 64} if calls <= 3 else ()
 
-    with RayExecutor(setup, None, nodes.address) as executor:
-        found = [timeless(one) for one in executor.results(listing, OPTIONS, done_as)]
+    with RayExecutor(setup, None, nodes.address, OPTIONS) as executor:
+        found = [timeless(one) for one in executor.results(listing, done_as)]
     calls = 0
-    assert found == [timeless(one) for one in serial.results(listing, OPTIONS, done_as)]
+    assert found == [timeless(one) for one in serial.results(listing, done_as)]
     assert len(found) == 14 * 5 - 3
     assert len(found) > 2 * BLOCK
 
@@ -154,7 +147,7 @@ def test_the_command_writes_and_resumes_what_the_local_one_does(
 )
 def test_an_address_without_a_cluster(setup: Setup, address: str, reason: str) -> None:
     with pytest.raises(ExecutorFailed, match=reason):
-        RayExecutor(setup, None, address)
+        RayExecutor(setup, None, address, OPTIONS)
 
 
 def test_nothing_phones_home() -> None:
@@ -168,10 +161,10 @@ def test_a_lost_node_loses_nothing_and_gives_nothing_twice(
     nodes: Nodes, setup: Setup, serial: SerialExecutor, meshes: Path, tmp_path: Path
 ) -> None:
     (ring,) = Listing([str(meshes / "ring.obj")])
-    files = [Noted(ring, f"{number:04}.obj", tmp_path) for number in range(12 * BLOCK)]
+    files = [Noted(f"{number:04}.obj", "", ".obj", ring, tmp_path) for number in range(12 * BLOCK)]
     found = []
-    with RayExecutor(setup, 2, nodes.address) as executor:
-        for one in executor.results(files, OPTIONS, never):
+    with RayExecutor(setup, 2, nodes.address, OPTIONS) as executor:
+        for one in executor.results(files, never):
             found.append(timeless(one))
             if nodes.other in nodes.cluster.worker_nodes and len(readers(tmp_path)) == 2:
                 lost = len(found)
@@ -180,7 +173,7 @@ def test_a_lost_node_loses_nothing_and_gives_nothing_twice(
     reads = [note.name.split()[0] for note in tmp_path.iterdir()]
     assert len(reads) > len(set(reads)) == len(files)  # what was lost was done again
     found.sort(key=lambda record: record["file"])
-    assert found == [timeless(one) for one in serial.results(files[:1], OPTIONS, never)] + [
+    assert found == [timeless(one) for one in serial.results(files[:1], never)] + [
         found[0] | {"file": file.name} for file in files[1:]
     ]
 

@@ -63,9 +63,9 @@ def test_what_is_held_is_bounded_and_the_doubtful_and_the_rare_stay() -> None:
         toys.add(answer(f"strange-{i}.obj", "ring", 0.99, unknown=True))
     held = toys.gallery.least_certain_first()
     assert len(held) == 60
-    assert sum(file.likeliest[0][0] == "ball" for file in held) == 10
-    assert sum(file.unknown for file in held) == 10
-    assert [file.file for file in held[:40]] == [f"{i}.obj" for i in range(40)]
+    assert sum(file["likeliest"][0][0] == "ball" for file in held) == 10
+    assert sum(file["unknown"] for file in held) == 10
+    assert [file["file"] for file in held[:40]] == [f"{i}.obj" for i in range(40)]
     assert [file for file, _ in toys.slowest] == [f"{999 - i}.obj" for i in range(SLOWEST)]
     assert toys.classified == 1010
     fault = toys.faults["no-faces"]

@@ -35,7 +35,7 @@ OPTIONS = Options("tiny", MEMORY)
 @pytest.fixture
 def serial(model_file: Path) -> Executor:
     classifier = Classifier.load(str(model_file))
-    return SerialExecutor(lambda task: predict(task, classifier, False))
+    return SerialExecutor(lambda task: predict(task, classifier, False), OPTIONS)
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +43,7 @@ def workers(model_file: Path) -> Iterator[PoolExecutor]:
     setup = Setup([ModelFile.read(str(model_file))], Limits(), MEMORY, seconds=60.0)
     pool = WorkerPool(setup, 2)
     pool.start()
-    with PoolExecutor(pool, 2) as executor:
+    with PoolExecutor(pool, 2, OPTIONS) as executor:
         yield executor
 
 
@@ -60,8 +60,8 @@ def test_workers_give_the_records_of_one_process(
     workers: PoolExecutor, serial: Executor, meshes: Path
 ) -> None:
     listing = Listing([str(meshes)] * 10)
-    expected = [timeless(one) for one in serial.results(listing, OPTIONS, never)]
-    found = [timeless(one) for one in workers.results(listing, OPTIONS, never)]
+    expected = [timeless(one) for one in serial.results(listing, never)]
+    found = [timeless(one) for one in workers.results(listing, never)]
     assert len(found) == 50
     assert found == expected
 
@@ -82,7 +82,7 @@ def test_a_hostile_file_costs_its_own_record(
     with (tmp_path / "15-bytes.stl").open("wb") as file:
         file.truncate(2**40)
     listing = Listing([str(tmp_path)])
-    results = workers.results(listing, OPTIONS, never)
+    results = workers.results(listing, never)
     records = {Path(record["file"]).stem: record for record in map(timeless, results)}
     faults = {name: one["error"]["fault"] for name, one in records.items() if "error" in one}
     assert faults == {"05-memory": "too-much-memory", "15-bytes": "too-much-memory"}
@@ -95,10 +95,10 @@ def test_the_deadline_begins_with_the_work(model_file: Path, meshes: Path) -> No
     before = set(workers_of(os.getpid()))
     pool = WorkerPool(setup, 1)
     pool.start()
-    with PoolExecutor(pool, 1) as executor:
+    with PoolExecutor(pool, 1, OPTIONS) as executor:
         held_up = set(workers_of(os.getpid())) - before
         with held(list(held_up)):
-            results = executor.results(Listing([str(meshes / "ring.obj")] * 2), OPTIONS, never)
+            results = executor.results(Listing([str(meshes / "ring.obj")] * 2), never)
             # Each file is read in a thread of its own: either may be the first to be queued.
             assert {one.fault for one in results} == {"deadline", None}
 
@@ -109,7 +109,7 @@ def test_what_is_done_has_no_one(workers: PoolExecutor, serial: Executor, meshes
         return {sha256(path.read_bytes()).hexdigest()}  # of another file, for all but two
 
     for executor in (workers, serial):
-        results = list(executor.results(Listing([str(meshes)]), OPTIONS, done_as))
+        results = list(executor.results(Listing([str(meshes)]), done_as))
         assert len(results) == 3
         assert all(one.sha256 for one in results)
 
@@ -125,7 +125,7 @@ def test_the_listing_runs_ahead_only_so_far(workers: PoolExecutor, meshes: Path)
             taken += 1
             yield ring
 
-    results = workers.results(endless(), OPTIONS, never)
+    results = workers.results(endless(), never)
     for number in range(1, 40):
         assert next(iter(results)).fault is None
         assert taken - number <= 1024
@@ -135,9 +135,9 @@ def test_a_stopped_executor_leaves_nothing_waiting(model_file: Path, meshes: Pat
     setup = Setup([ModelFile.read(str(model_file))], Limits(), MEMORY, seconds=30.0)
     pool = WorkerPool(setup, 1)
     pool.start()
-    executor = PoolExecutor(pool, 1)
+    executor = PoolExecutor(pool, 1, OPTIONS)
     with executor:
-        results = executor.results(Listing([str(meshes)] * 100), OPTIONS, never)
+        results = executor.results(Listing([str(meshes)] * 100), never)
         next(iter(results))
     executor._threads.shutdown(wait=True)  # would wait for ever
     late = pool.submit(Task("tiny", b"", None, None))

@@ -41,7 +41,7 @@ class Remote(RemoteFile):
 
 def remote(name: str, content: str = "bytes") -> Remote:
     below = name.partition("::")[0]
-    return Remote("memory://", content, name, below, None)
+    return Remote(name, below, None, url="memory://", path=content, length=None)
 
 
 def known(label: str = "ring", unknown: bool | None = False) -> Result:

@@ -8,7 +8,7 @@ from pathlib import Path
 from click.testing import CliRunner
 
 from meshconv3d.model.loading import FORMATS, Limits
-from meshconv3d.service.cli.formats import formats
+from meshconv3d.service.cli.show import formats
 
 MANUAL = Path(__file__).parents[3] / "docs" / "formats.md"
 

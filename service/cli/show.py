@@ -1,8 +1,27 @@
-"""`meshconv3d inspect`: what a model file says of itself."""
+"""`meshconv3d formats` and `meshconv3d inspect`: what is read, and what a model says of itself."""
 
 import json
 
 import click
+
+
+@click.command()
+@click.option("--json", "as_json", is_flag=True, help="One JSON object a line.")
+def formats(as_json: bool) -> None:
+    """List the file formats that are read."""
+    from rich.console import Console
+    from rich.table import Table
+
+    from meshconv3d.model.loading import FORMATS
+
+    if as_json:
+        for known in FORMATS.values():
+            click.echo(json.dumps(known.to_dict()))
+        return
+    table = Table("extension", "format", "of it", "media type", box=None, pad_edge=False)
+    for known in FORMATS.values():
+        table.add_row(f".{known.extension}", known.title, known.notes, known.media_types[0])
+    Console().print(table)
 
 
 @click.command()
@@ -16,8 +35,7 @@ def inspect(model: str | None, as_json: bool) -> None:
     from meshconv3d.service.cli.setup import load_classifier
     from meshconv3d.service.cli.terminal import printable
 
-    opened = load_classifier(model).model
-    card = opened.to_dict()
+    card = load_classifier(model).model.to_dict()
     if as_json:
         click.echo(json.dumps(card))
         return
