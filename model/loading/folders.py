@@ -6,12 +6,10 @@ from collections.abc import Callable, Iterator
 from pathlib import Path, PurePosixPath
 from typing import BinaryIO
 
-from meshconv3d.model.errors import MeshError
 from meshconv3d.model.loading.archive import Archive
-from meshconv3d.model.loading.formats import ARCHIVE, FORMATS, detect_format
+from meshconv3d.model.loading.formats import ARCHIVE, FORMATS
 from meshconv3d.model.loading.gltf import piece_names
 from meshconv3d.model.loading.limits import Limits
-from meshconv3d.model.loading.text import as_utf8
 
 log = logging.getLogger(__name__)
 
@@ -23,6 +21,9 @@ ifc iges igs ipt iv jt las laz lwo lxo ma max mb mesh msh pcd prt pts sab sat sk
 stp u3d usd usda usdc usdz vrm vrml vtk vtp vtu wrl wrz x x3d x3dv x_b x_t xyz zpr ztl
 """
 OTHER_FORMATS = frozenset(_OTHER_FORMATS.split())
+
+# What a glTF file begins with lies behind blanks and the mark of UTF-8, within so many bytes.
+_STARTS, _BLANKS = 64, b" \t\r\n\xef\xbb\xbf"
 
 
 def find_meshes(folder: Path) -> list[Path]:
@@ -114,27 +115,24 @@ class MeshArchive:
             return None if path is None else self._archive.content(path)
 
         content = self._archive.content(self._paths[name])
-        return content, find_pieces(content, name, sibling, self._limits)
+        return content, find_pieces(content, sibling, self._limits)
 
 
 def find_pieces(
-    data: bytes, name: str | None, read: Callable[[str], bytes | None], limits: Limits
+    data: bytes, read: Callable[[str], bytes | None], limits: Limits
 ) -> dict[str, bytes]:
     """The other files in which a mesh file keeps its buffers, by their paths relative to it.
 
-    Files that are not there are left out, and files that cannot be read, of which the reader says
-    what is wrong with them.
+    Files that are not there are left out: the reader says which it misses.
 
     read: gives the content of the file with such a path, which never leads out of the mesh file's
         folder, or None where there is none.
 
-    Raises LimitExceeded.
+    Raises LimitExceeded, and what `read` raises.
     """
-    data = as_utf8(data)
-    try:
-        names = piece_names(data, limits) if detect_format(data, name).in_pieces else []
-    except MeshError:
+    if not data[:_STARTS].lstrip(_BLANKS).startswith((b"{", b"glTF")):
         return {}
+    names = piece_names(data)
     limits.check("entries", len(names), f"the file names {len(names)} others")
     pieces: dict[str, bytes] = {}
     for name in names:

@@ -4,9 +4,11 @@ Read with NumPy: a general library would have to be guarded by the same checks o
 length and stride that reading takes.
 """
 
+import json
 import re
 import struct
 from collections.abc import Mapping
+from contextlib import suppress
 
 from meshconv3d.model.errors import MalformedFile
 from meshconv3d.model.loading.gltf_arrays import Buffers, piece_name
@@ -15,7 +17,6 @@ from meshconv3d.model.loading.gltf_document import (
     children,
     cut_off,
     entries,
-    items,
     parse,
     unsupported,
     upgraded,
@@ -26,6 +27,10 @@ from meshconv3d.model.loading.scene import flatten
 from meshconv3d.model.loading.text import quoted
 from meshconv3d.model.loading.triangles import Triangles
 
+_BLOCK = 2**20  # bytes
+_LONGEST_URI = 2**12
+_URI = re.compile(rb'"uri"\s*:\s*("(?!data:)(?:[^"\\]|\\.){1,%d}")' % _LONGEST_URI)
+_PICTURES = (".png", ".jpg", ".jpeg", ".webp", ".avif", ".ktx2", ".basis", ".dds")
 _JSON_CHUNK, _BINARY_CHUNK = 0x4E4F534A, 0x004E4942
 
 # Extensions that a file may require: they are read, or leave the vertices where they are.
@@ -55,15 +60,23 @@ def read_glb(data: bytes, limits: Limits, pieces: Mapping[str, bytes]) -> Triang
     return _read(*_split_container(data), limits, pieces)
 
 
-def piece_names(data: bytes, limits: Limits) -> list[str]:
-    """Relative paths of the other files in which a .gltf or .glb keeps its buffers.
+def piece_names(data: bytes) -> list[str]:
+    """Relative paths of the other files in which a .gltf or .glb may keep its buffers.
 
-    Raises MalformedFile and LimitExceeded; for a path that leads elsewhere, MalformedFile.
+    They are looked for without parsing the JSON, which takes the interpreter's lock for longer than
+    an event loop can wait. Names of pictures are left out, and paths that lead elsewhere.
     """
-    text = _split_container(data)[0] if data.startswith(b"glTF") else data
-    uris = [buffer.get("uri") for buffer in items(_document(text, limits), "buffers")]
-    named = (uri for uri in uris if uri is not None and not str(uri).startswith("data:"))
-    return list(dict.fromkeys(map(piece_name, named)))
+    names: dict[str, None] = {}
+    end = len(data)
+    if data.startswith(b"glTF"):  # its JSON alone, whose length both versions have here
+        end = min(end, 20 + int.from_bytes(data[12:16], "little"))
+    for start in range(0, end, _BLOCK):
+        for found in _URI.finditer(data, start, min(start + _BLOCK + _LONGEST_URI, end)):
+            with suppress(ValueError):  # of JSON, or a MalformedFile
+                name = piece_name(json.loads(found[1]))
+                if not name.lower().endswith(_PICTURES):
+                    names[name] = None
+    return list(names)
 
 
 def _read(

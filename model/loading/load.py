@@ -46,7 +46,7 @@ def load_mesh(
         data = path.read_bytes()
         name = path.suffix if name is None else name
         if pieces is None:
-            pieces = find_pieces(data, name, lambda piece: read_beside(path, piece, limits), limits)
+            pieces = find_pieces(data, lambda piece: read_beside(path, piece, limits), limits)
     data = _decoded(data)
     known = detect_format(data, name)
     try:
