@@ -2,7 +2,7 @@
 
 import os
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TypeVar
@@ -93,12 +93,18 @@ class Classifier:
         return self.run(mesh, {}).prediction
 
     def read(
-        self, source: str | os.PathLike[str] | bytes, name: str | None = None
+        self,
+        source: str | os.PathLike[str] | bytes,
+        name: str | None = None,
+        pieces: Mapping[str, bytes] | None = None,
     ) -> tuple[Mesh, dict[str, float]]:
-        """The mesh of a file, and the time that it took. Raises what `classify` raises."""
+        """The mesh of a file, and the time that it took. Raises what `classify` raises.
+
+        pieces: see `load_mesh`.
+        """
         timings: dict[str, float] = {}
         with timed(timings, "read"):
-            mesh = load_mesh(source, name, self.limits)
+            mesh = load_mesh(source, name, self.limits, pieces)
         return mesh, timings
 
     def run(self, mesh: Mesh, timings: dict[str, float]) -> Pass:

@@ -50,29 +50,37 @@ class Archive:
         limits.check("entries", len(self._entries))
         self.names = list(self._entries)
 
+    def size(self, name: str) -> int:
+        """Bytes of a file, as the archive declares it."""
+        return self._entries[name].file_size
+
     def content(self, name: str) -> bytes:
         """A whole file, bounded by itself. Raises MalformedFile and LimitExceeded."""
-        self._limits.check("unpacked_bytes", self._entries[name].file_size)
-        return b"".join(self._unpack(name))
+        entry = self._entries[name]
+        self._check(entry.file_size, entry.compress_size)
+        return b"".join(self._unpack(entry))
 
     def blocks(self, name: str) -> Iterator[bytes]:
         """A file in small pieces, bounded together with those before it.
 
         Raises MalformedFile and LimitExceeded.
         """
-        self._limits.check("unpacked_bytes", self._unpacked + self._entries[name].file_size)
-        return self._unpack(name)
-
-    def _unpack(self, name: str) -> Iterator[bytes]:
         entry = self._entries[name]
+        self._unpacked += entry.file_size
+        self._check(self._unpacked, self._size)
+        return self._unpack(entry)
+
+    def _check(self, unpacked: int, packed: int) -> None:
+        # zipfile gives no more than is declared.
+        self._limits.check("unpacked_bytes", unpacked)
+        self._limits.check("unpacked_bytes_per_byte", -(-unpacked // max(packed, 1)))
+
+    def _unpack(self, entry: zipfile.ZipInfo) -> Iterator[bytes]:
         if entry.flag_bits & 1 or entry.compress_type not in _PLAIN:
             raise MalformedFile(
                 "unsupported-feature",
-                f"{quoted(name)} is encrypted or packed by another method than deflate",
+                f"{quoted(entry.filename)} is encrypted or packed by another method than deflate",
             )
-        # zipfile gives no more than is declared here.
-        self._unpacked += entry.file_size
-        self._limits.check("unpacked_bytes_per_byte", -(-self._unpacked // self._size))
         with _damage_told(), self._zip.open(entry) as file:
             while block := file.read(_BLOCK):
                 yield block

@@ -106,16 +106,23 @@ class MeshArchive:
         }
         self.names = sorted(name for name in self._paths if _is_shown_mesh(name))
 
-    def read(self, name: str) -> tuple[bytes, dict[str, bytes]]:
-        """The content of a mesh file, and its pieces. Raises MalformedFile and LimitExceeded."""
+    def size(self, name: str) -> int:
+        """Bytes of a mesh file, as the archive declares it."""
+        return self._archive.size(self._paths[name])
+
+    def read(self, name: str) -> bytes:
+        """The content of a mesh file. Raises MalformedFile and LimitExceeded."""
+        return self._archive.content(self._paths[name])
+
+    def pieces(self, name: str, content: bytes) -> dict[str, bytes]:
+        """What `find_pieces` finds beside a mesh file of this content."""
         folder = PurePosixPath(name).parent
 
         def sibling(piece: str) -> bytes | None:
             path = self._paths.get(str(folder / piece))
             return None if path is None else self._archive.content(path)
 
-        content = self._archive.content(self._paths[name])
-        return content, find_pieces(content, sibling, self._limits)
+        return find_pieces(content, sibling, self._limits)
 
 
 def find_pieces(
@@ -143,7 +150,7 @@ def find_pieces(
     return pieces
 
 
-def read_beside(mesh: Path, piece: str, limits: Limits) -> bytes | None:
+def read_beside(mesh: Path, limits: Limits, piece: str) -> bytes | None:
     """The content of a file in the folder of a mesh file or below; None where there is none.
 
     Links are followed within that folder alone; what is no file, such as a pipe, is not read.

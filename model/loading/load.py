@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -46,7 +47,7 @@ def load_mesh(
         data = path.read_bytes()
         name = path.suffix if name is None else name
         if pieces is None:
-            pieces = find_pieces(data, lambda piece: read_beside(path, piece, limits), limits)
+            pieces = find_pieces(data, partial(read_beside, path, limits), limits)
     data = _decoded(data)
     known = detect_format(data, name)
     try:
@@ -97,8 +98,9 @@ def _only_mesh(data: bytes, limits: Limits) -> tuple[bytes, str, Mapping[str, by
     """Content, name and pieces of the one mesh file in an archive."""
     archive = MeshArchive(data, limits)
     if len(archive.names) == 1:
-        content, pieces = archive.read(archive.names[0])
-        return content, archive.names[0], pieces
+        [name] = archive.names
+        content = archive.read(name)
+        return content, name, archive.pieces(name, content)
     if not archive.names:
         raise MalformedFile("no-meshes", "the ZIP archive holds no file of a format that is read")
     shown = ", ".join(map(quoted, archive.names[:_SHOWN]))

@@ -2,7 +2,7 @@
 
 import dataclasses
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -97,15 +97,16 @@ def explain(
     source: str | os.PathLike[str] | bytes,
     name: str | None = None,
     label: str | None = None,
+    pieces: Mapping[str, bytes] | None = None,
 ) -> Explanation:
     """Classify one file as `Classifier.classify` does, and explain the class `label`, or the
-    likeliest.
+    likeliest. pieces: see `load_mesh`.
 
     Raises NotExplained, and what `Classifier.classify` raises.
     """
     config = classifier.model.card.config
     explained_class(config.classes, config.pooling, label)
-    mesh, timings = classifier.read(source, name)
+    mesh, timings = classifier.read(source, name, pieces)
     passed = classifier.run(mesh, timings)
     result = passed.prediction
     timings = dict(result.timings_ms)

@@ -11,13 +11,23 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from functools import cache, cached_property, lru_cache, partial
 from pathlib import Path
 from typing import Any
 
-from meshconv3d.model.loading import is_hidden, walk_files
+from meshconv3d.model.errors import MeshError
+from meshconv3d.model.loading import (
+    Limits,
+    MeshArchive,
+    find_pieces,
+    is_hidden,
+    read_beside,
+    walk_files,
+)
 from meshconv3d.service.records import readable
 
+# Of archives and of the files beside a mesh.
+LIMITS = Limits()
 NO_FILE = "it is no file; pipe what it holds to -"
 
 
@@ -42,12 +52,20 @@ class File:
         """All of it. Raises OSError."""
         raise NotImplementedError
 
+    def pieces(self, content: bytes) -> dict[str, bytes]:
+        """The files beside it that its content refers to, by their paths relative to it. Raises
+        MeshError and OSError."""
+        ...
+
 
 class StandardInput(File):
     """The one mesh that standard input holds."""
 
     def read(self) -> bytes:
         return sys.stdin.buffer.read()
+
+    def pieces(self, content: bytes) -> dict[str, bytes]:
+        return {}
 
 
 @dataclass(frozen=True)
@@ -92,6 +110,9 @@ class LocalFile(File):
                 "cluster sees them by the same path, or name them by URLs",
             ) from None
 
+    def pieces(self, content: bytes) -> dict[str, bytes]:
+        return find_pieces(content, partial(read_beside, Path(self.path), LIMITS), LIMITS)
+
 
 def _without_waiting(path: str, flags: int) -> int:
     return os.open(path, flags | os.O_NONBLOCK)
@@ -126,6 +147,75 @@ class RemoteFile(File):
             raise OSError(errno.EIO, "its server does not tell how large it is")
         with remote_errors():
             return fs.cat_file(self.path)
+
+    def pieces(self, content: bytes) -> dict[str, bytes]:
+        return find_pieces(content, self._beside, LIMITS)
+
+    def _beside(self, piece: str) -> bytes | None:
+        fs, _ = filesystem(self.url)
+        path = f"{self.path.rpartition('/')[0]}/{piece}"
+        with remote_errors():
+            if not fs.exists(path):
+                return None
+            LIMITS.check("piece_bytes", fs.size(path) or 0)
+            return fs.cat_file(path)
+
+
+@dataclass(frozen=True)
+class ArchivedFile:
+    """A mesh file in a ZIP archive. archive: a file itself; member: its path in there."""
+
+    archive: File
+    member: str
+
+    @property
+    def name(self) -> str:
+        return f"{self.archive.name}/{readable(self.member)}"
+
+    @property
+    def below(self) -> str:
+        return f"{self.archive.below}/{readable(self.member)}"
+
+    @property
+    def declared(self) -> str | None:
+        return os.path.splitext(self.member)[1]
+
+    def shared(self) -> "ArchivedFile":
+        """See `LocalFile.shared`."""
+        if isinstance(self.archive, LocalFile):
+            return replace(self, archive=self.archive.shared())
+        return self
+
+    def size(self) -> int:
+        try:
+            return opened(self.archive).size(self.member)
+        except (MeshError, OSError):
+            return 0  # reading it says why
+
+    def read(self) -> bytes:
+        return opened(self.archive).read(self.member)
+
+    def pieces(self, content: bytes) -> dict[str, bytes]:
+        return opened(self.archive).pieces(self.member, content)
+
+
+def members(file: File) -> list[ArchivedFile]:
+    """The mesh files in a ZIP archive. Raises MeshError and OSError."""
+    return [ArchivedFile(file, name) for name in opened(file).names]
+
+
+def opened(archive: File) -> MeshArchive:
+    """A ZIP archive. Raises MeshError and OSError."""
+    changed = os.stat(archive.path).st_mtime_ns if isinstance(archive, LocalFile) else None
+    return _opened(archive, changed)
+
+
+@lru_cache(maxsize=1)
+def _opened(archive: File, changed: int | None) -> MeshArchive:
+    """The archive, kept for the next file in it. changed: when that was, if it is known."""
+    if isinstance(archive, LocalFile):
+        return MeshArchive(open(archive.path, "rb", opener=_at_once), LIMITS)
+    return MeshArchive(archive.read(), LIMITS)
 
 
 def is_url(path: str) -> bool:

@@ -9,6 +9,7 @@ from fnmatch import fnmatchcase
 from itertools import islice
 from pathlib import Path
 
+from meshconv3d.model.errors import MeshError
 from meshconv3d.model.loading import FORMATS, extension, has_mesh_name, has_other_format
 from meshconv3d.service.batch.files import (
     File,
@@ -16,9 +17,11 @@ from meshconv3d.service.batch.files import (
     file_at,
     is_folder,
     is_url,
+    members,
     walk,
 )
 
+ARCHIVE = "zip"
 # The path that stands for standard input.
 STDIN = "-"
 WILDCARDS = frozenset("*?[")
@@ -125,7 +128,7 @@ class Listing:
         return list(islice(self, count))
 
     def _chosen(self, place: Place, others: Counter[str]) -> Iterator[File]:
-        for file in place.find():
+        for file in _unpacked(place):
             if place.root is None:
                 yield file
             elif has_mesh_name(file.below):
@@ -133,6 +136,23 @@ class Listing:
                     yield file
             elif has_other_format(file.below) and self._choice.fits(file):
                 others["." + extension(file.below)] += self._choice.shares(file)
+
+
+def _unpacked(place: Place) -> Iterator[File]:
+    """The files of a place, with those in archives in place of these.
+
+    An archive that cannot be read stays itself, so that its result says why, and one that was named
+    and holds no mesh.
+    """
+    for file in place.find():
+        try:
+            found = members(file) if extension(file.below) == ARCHIVE else []
+        except (MeshError, OSError):
+            yield file
+            continue
+        yield from found
+        if not found and (place.root is None or extension(file.below) != ARCHIVE):
+            yield file
 
 
 def told(others: Counter[str]) -> str:
@@ -173,10 +193,23 @@ def _place(path: str, declared: str | None) -> Place:
         return Place(path, lambda: walk(path), path)
     if folder is not None:
         return Place(path, lambda: [file_at(path, declared)])
+    if archived := _archived(path):
+        return Place(path, lambda: [archived])
     if WILDCARDS.intersection(path):
         root, pattern = _split_glob(path)
         return Place(path, lambda: _fitting(walk(root), pattern), root, pattern)
     raise NotListed(f"no such file or folder: {path}")
+
+
+def _archived(path: str) -> File | None:
+    """The mesh file that is named as one in a ZIP archive, by ARCHIVE/FILE."""
+    found = re.fullmatch(r"(.*?\.zip)/(.+)", path, re.IGNORECASE | re.DOTALL)
+    try:
+        if found and is_folder(found[1]) is False:
+            return next((file for file in members(file_at(found[1])) if file.name == path), None)
+    except (MeshError, OSError):
+        pass
+    return None
 
 
 def _split_glob(path: str) -> tuple[str, str]:

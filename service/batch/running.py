@@ -9,7 +9,7 @@ import json
 import logging
 import threading
 from collections import Counter, deque
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
@@ -56,7 +56,7 @@ class Options:
 
 @dataclass(frozen=True)
 class FileResult:
-    """Result of one file. sha256: of its content; None if it was not read."""
+    """Result of one file. sha256: of its content and its pieces; None if it was not read."""
 
     file: File
     result: Result
@@ -173,10 +173,13 @@ def classify_file(
     try:
         _check_size(file.size(), options.bytes)
         content = file.read()
-        sha256 = hashlib.sha256(content).hexdigest()
+        pieces = file.pieces(content)
+        sha256 = _hash(content, pieces)
         if sha256 in done:
             return None
-        result: Result = classify(Task(options.model, content, file.name, file.declared))
+        result: Result = classify(
+            Task(options.model, content, file.name, file.declared, pieces=pieces)
+        )
     except (MeshError, OSError) as error:
         result = Failure.of(error)
     except MemoryError:
@@ -190,6 +193,15 @@ def classify_file(
         message = "classifying it failed for an unknown reason; report it, with the file"
         result = Failure("internal", message)
     return FileResult(file, result, sha256)
+
+
+def _hash(content: bytes, pieces: Mapping[str, bytes]) -> str:
+    """SHA-256 of a file and its pieces, in hexadecimal digits."""
+    digest = hashlib.sha256(content)
+    for name in sorted(pieces):
+        digest.update(hashlib.sha256(name.encode()).digest())
+        digest.update(hashlib.sha256(pieces[name]).digest())
+    return digest.hexdigest()
 
 
 def _check_size(size: int, most: int) -> None:

@@ -10,9 +10,9 @@ import pickle
 import signal
 import socket
 import traceback
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from meshconv3d.export.metadata import ModelFileError
 from meshconv3d.model import loading
@@ -48,13 +48,15 @@ class ExplanationOptions:
 @dataclass(frozen=True)
 class Task:
     """One mesh to classify. model: name of a model of the setup. file: name for the legend of an
-    explanation, or None. declared: extension or media type, or None. explanation: None for none."""
+    explanation, or None. declared: extension or media type, or None. explanation: None for none.
+    pieces: other files that the mesh refers to, by their paths relative to it."""
 
     model: str
     content: bytes
     file: str | None
     declared: str | None
     explanation: ExplanationOptions | None = None
+    pieces: Mapping[str, bytes] = field(default_factory=dict)
 
 
 class TaskFailed(Exception):
@@ -134,10 +136,12 @@ def answer_to(
 def predict(task: Task, classifier: Classifier, pictured: bool) -> Prediction:
     """Classify one mesh, or explain it, in this process. Raises what the classifier raises."""
     if task.explanation is not None:
-        found = explain(classifier, task.content, task.declared, task.explanation.label)
+        found = explain(
+            classifier, task.content, task.declared, task.explanation.label, task.pieces
+        )
         content = FORMS[task.explanation.form].write(task.file, found)
         return dataclasses.replace(found.prediction, explanation=content)
-    passed = classifier.run(*classifier.read(task.content, task.declared))
+    passed = classifier.run(*classifier.read(task.content, task.declared, task.pieces))
     if not pictured:
         return passed.prediction
     from meshconv3d.service.picture import picture

@@ -97,6 +97,68 @@ def test_a_folder_of_other_formats_alone_says_so(folder: Path) -> None:
     (folder / "STEP" / "f.fbx").unlink()
 
 
+@pytest.fixture(params=["local", "memory"])
+def packed(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]:
+    """A folder with archives: of meshes, of none, and a damaged one."""
+    files = {
+        "z.obj": "z",
+        "b/x.gltf": '{"uri": "x.bin"}',
+        "b/x.bin": "data",
+        "n.txt": "",
+        "._z.obj": "",
+    }
+    for name, held in (("a.ZIP", files), ("none.zip", {"n.txt": ""})):
+        with zipfile.ZipFile(tmp_path / name, "w") as archive:
+            for path, content in held.items():
+                archive.writestr(path, content)
+    (tmp_path / "bad.zip").write_text("no archive")
+    (tmp_path / "m.obj").write_text("m")
+    if request.param == "local":
+        yield str(tmp_path)
+        return
+    fs, path = fsspec.url_to_fs("memory://packed")
+    fs.put(f"{tmp_path}/", f"{path}/", recursive=True)
+    yield "memory://packed"
+    fs.rm(path, recursive=True)
+
+
+def test_each_mesh_in_an_archive_is_a_file(packed: str) -> None:
+    """An archive that cannot be read is one itself, so that its result says why."""
+    listing = Listing([packed])
+    assert below(listing) == ["a.ZIP/b/x.gltf", "a.ZIP/z.obj", "bad.zip", "m.obj"]
+    files = {file.below: file for file in listing}
+    gltf = files["a.ZIP/b/x.gltf"]
+    assert gltf.declared == ".gltf"
+    assert gltf.pieces(gltf.read()) == {"x.bin": b"data"}
+    assert files["a.ZIP/z.obj"].read() == b"z"
+    assert all(file.size() == len(file.read()) for file in listing)
+    assert below(Listing([packed], Choice(["*.obj"]))) == ["a.ZIP/z.obj", "m.obj"]
+    assert below(Listing([f"{packed}/*.ZIP"])) == ["a.ZIP/b/x.gltf", "a.ZIP/z.obj"]
+
+
+def test_a_mesh_in_an_archive_can_be_named(packed: str) -> None:
+    (named,) = Listing([f"{packed}/a.ZIP/z.obj"])
+    assert (named.name, named.read()) == (f"{packed}/a.ZIP/z.obj", b"z")
+    assert below(Listing([f"{packed}/a.ZIP"])) == ["a.ZIP/b/x.gltf", "a.ZIP/z.obj"]
+    assert below(Listing([f"{packed}/none.zip"])) == ["none.zip"]
+    with pytest.raises(NotListed):
+        Listing([f"{packed}/a.ZIP/gone.obj"])
+
+
+@pytest.mark.parametrize("name", ["local", "memory"])
+def test_pieces_lie_beside_their_file_or_below(name: str, tmp_path: Path) -> None:
+    fs, path = fsspec.url_to_fs(str(tmp_path) if name == "local" else "memory://pieces")
+    fs.makedirs(f"{path}/a/b", exist_ok=True)
+    fs.pipe(
+        f"{path}/a/x.gltf",
+        b'{"buffers":[{"uri":"b/y%20z.bin"},{"uri":"gone.bin"},{"uri":"../up"}]}',
+    )
+    fs.pipe(f"{path}/a/b/y z.bin", b"data")
+    fs.pipe(f"{path}/up", b"secret")
+    (file,) = Listing([str(tmp_path) if name == "local" else "memory://pieces"])
+    assert file.pieces(file.read()) == {"b/y z.bin": b"data"}
+
+
 def test_a_file_that_was_found_can_be_named(anywhere: str) -> None:
     for file in Listing([anywhere]):
         (named,) = Listing([file.name])

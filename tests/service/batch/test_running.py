@@ -25,6 +25,7 @@ from meshconv3d.service.classifier import Classifier
 from meshconv3d.service.models import ModelFile
 from meshconv3d.service.records import record
 from meshconv3d.service.workers import Setup, Task, WorkerPool, predict
+from tests.model.loading import loading_builders as build
 from tests.processes import held, until
 from tests.processes import workers as workers_of
 
@@ -202,3 +203,17 @@ def test_what_is_larger_than_the_budget_is_taken_alone() -> None:
         thread.start()
         assert not taken.wait(0.2)
     assert taken.wait(5)
+
+
+def test_a_file_is_another_where_its_pieces_are(serial: Executor, tmp_path: Path) -> None:
+    """What is done is told by the contents of both."""
+    gltf, data = build.gltf_in_pieces()
+    (tmp_path / "box.gltf").write_bytes(gltf)
+    hashes = []
+    for content in (data, data[:94] + b"\x80" + data[95:]):
+        (tmp_path / "box.bin").write_bytes(content)
+        [one] = serial.results(Listing([str(tmp_path)]), OPTIONS, never)
+        assert one.sha256 not in hashes
+        hashes.append(one.sha256)
+        assert not list(serial.results(Listing([str(tmp_path)]), OPTIONS, lambda _: hashes))
+    assert one.fault is None
