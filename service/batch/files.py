@@ -214,7 +214,7 @@ def opened(archive: File) -> MeshArchive:
 def _opened(archive: File, changed: int | None) -> MeshArchive:
     """The archive, kept for the next file in it. changed: when that was, if it is known."""
     if isinstance(archive, LocalFile):
-        return MeshArchive(open(archive.path, "rb", opener=_at_once), LIMITS)
+        return MeshArchive(open(archive.path, "rb", opener=_without_waiting), LIMITS)
     return MeshArchive(archive.read(), LIMITS)
 
 
