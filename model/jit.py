@@ -46,6 +46,14 @@ def kernel(function: Callable[..., Any]) -> Any:
     return compiled
 
 
+def inlined(function: Callable[..., Any]) -> Any:
+    """Part of kernels, which have its code in the place of each call.
+
+    For steps over single bytes: a call takes longer than such a step.
+    """
+    return njit(inline="always")(function)
+
+
 @cache
 def _kernel_sources(package: Path) -> bytes:
     """Hash of all modules under a folder that define kernels."""

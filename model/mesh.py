@@ -55,8 +55,8 @@ def _check(vertices: NDArray, faces: NDArray) -> None:
             "bad-faces",
             f"faces must be an array of F x 3 integers, got {faces.dtype} {faces.shape}",
         )
-    outside = int(np.count_nonzero((faces < 0) | (faces >= len(vertices))))
-    if outside:
+    if faces.min() < 0 or faces.max() >= len(vertices):
+        outside = np.count_nonzero((faces < 0) | (faces >= len(vertices)))
         raise UnusableMesh(
             "index-out-of-range",
             f"{outside} of {faces.size} face corners name a vertex that does not exist "
@@ -65,8 +65,8 @@ def _check(vertices: NDArray, faces: NDArray) -> None:
     named = np.zeros(len(vertices), bool)
     named[faces] = True
     used = vertices[named]
-    bad = int(np.count_nonzero(~np.isfinite(used).all(axis=1)))
-    if bad:
+    if not np.isfinite(used).all():
+        bad = np.count_nonzero(~np.isfinite(used).all(axis=1))
         raise UnusableMesh(
             "non-finite-vertices",
             f"{bad} of {len(used)} vertices are NaN or infinite; repair the mesh and export again",

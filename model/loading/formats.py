@@ -17,7 +17,7 @@ from meshconv3d.model.loading.ply import read_ply
 from meshconv3d.model.loading.stl import is_exact_binary, read_stl
 from meshconv3d.model.loading.text import quoted
 from meshconv3d.model.loading.threemf import read_3mf
-from meshconv3d.model.loading.triangles import Triangles
+from meshconv3d.model.loading.triangles import NotedTriangles, Triangles
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Format:
     title: str
     media_types: tuple[str, ...]
     notes: str
-    read: Callable[..., Triangles]
+    read: Callable[..., Triangles | NotedTriangles]
     in_pieces: bool = False
 
     def to_dict(self) -> dict[str, str | list[str]]:
@@ -67,7 +67,11 @@ FORMATS: dict[str, Format] = {
     for known in (
         Format("obj", "Wavefront OBJ", ("model/obj",), "faces; materials are ignored", read_obj),
         Format(
-            "off", "Object File Format", ("model/off", "model/vnd.off"), "text, of 3-D", read_off
+            "off",
+            "Object File Format",
+            ("model/off", "model/vnd.off"),
+            "text and binary, of 3-D",
+            read_off,
         ),
         Format(
             "stl",

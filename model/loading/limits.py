@@ -29,8 +29,13 @@ class Limits:
     """Instances of a glTF file's meshes."""
     values: int = 2_000_000
     """Values in the JSON of a glTF file, where each becomes an object in memory."""
-    line_bytes: int = 2**20
-    """Bytes of one line of text, or of one tag of XML."""
+    tag_bytes: int = 2**20
+    """Bytes of one tag of XML."""
+    ear_steps: int = 10**9
+    """Comparisons by which concave polygons are cut into triangles: 3 N^2 for one of N corners.
+
+    About a second's work: one polygon of 18 000 corners, or any number of small ones.
+    """
     entries: int = 10_000
     """Files in an archive, read or not; other files that one file names."""
     directory_bytes: int = 2**21

@@ -5,75 +5,150 @@ import re
 import numpy as np
 from numpy.typing import NDArray
 
-from meshconv3d.model.errors import MalformedFile
+from meshconv3d.model.errors import MalformedFile, UnusableMesh
+from meshconv3d.model.jit import inlined, kernel
 from meshconv3d.model.loading.limits import Limits
-from meshconv3d.model.loading.text import blocks, plain_text, points, quoted, without_comments
-from meshconv3d.model.loading.triangles import Pieces, Triangles, fan
+from meshconv3d.model.loading.text import (
+    HASH,
+    LINE_FEED,
+    MINUS,
+    NINE,
+    PLUS,
+    ZERO,
+    convert,
+    is_space,
+    line_end,
+    next_in_line,
+    number,
+    plain_text,
+    quoted_line,
+    word_end,
+)
+from meshconv3d.model.loading.triangles import Triangles, triangulate
 
-_VERTEX = re.compile(rb"^[ \t]*v(?:[ \t](.*))?$", re.MULTILINE)
-_FACE = re.compile(rb"^[ \t]*f(?:[ \t](.*))?$", re.MULTILINE)
-_VERTEX_OR_FACE = re.compile(rb"^[ \t]*([vf])(?:[ \t]|$)", re.MULTILINE)
-_WHOLE = re.compile(rb"[-+]?[0-9]{1,18}")
+_VERTEX, _FACE, _SLASH = b"vf/"
+_DIGITS = 18  # of a reference
+
+# v and f lines that the next line continues; in other lines, a last backslash ends a path.
+_CONTINUED = re.compile(rb"^[ \t]*[vf][ \t][^\n#]*\\\n(?:[^\n#]*\\\n)*", re.MULTILINE)
+
+_OK, _BAD_VERTEX, _BAD_FACE = range(3)
 
 
 def read_obj(data: bytes, limits: Limits) -> Triangles:
-    """The triangles of an OBJ file. Raises MalformedFile and LimitExceeded."""
-    # The last line may say that it continues.
-    text = plain_text(data).replace(b"\\\n", b" ") + b"\n"
-    pieces = Pieces(limits)
-    polygons = 0
-    for block in blocks(text, limits):
-        block = without_comments(block)
-        lines = _FACE.findall(block)
-        polygons += len(lines)
-        limits.check("faces", polygons)
-        vertices = points(_VERTEX.findall(block), "v line")
-        pieces.add(vertices, _faces(lines, block, pieces.vertex_count, limits))
-    return pieces.joined()
-
-
-def _faces(
-    lines: list[bytes], block: bytes, vertices_before: int, limits: Limits
-) -> NDArray[np.int64]:
-    """The triangles of the f lines of a block; references count from 0, -1 names nothing."""
-    if b"/" in block and lines:
-        lines = re.sub(rb"/\S*", b"", b"\n".join(lines)).split(b"\n")
-    counts = np.fromiter((len(line.split()) for line in lines), np.int64, len(lines))
-    corners = _references(lines)
-    if corners.size and corners.min() < 0:
-        corners = _absolute(corners, counts, block, vertices_before)
-    # OBJ counts from 1: what was 0, which names nothing, becomes -1 and is refused by Mesh.
-    return fan(corners - 1, counts, limits)
-
-
-def _references(lines: list[bytes]) -> NDArray[np.int64]:
-    """The vertex references of all face lines as they are written."""
-    text = b" ".join(lines)
-    words = text.split()
-    try:
-        corners = np.array(words, dtype=np.int64)
-    except (ValueError, OverflowError):
-        corners = None
-    # Python reads 1_000 as a thousand.
-    if corners is None or b"_" in text:
-        bad = next(word for word in words if not _WHOLE.fullmatch(word))
+    """The triangles of an OBJ file. Raises MalformedFile, UnusableMesh and LimitExceeded."""
+    text = plain_text(data)
+    if b"\\\n" in text:
+        text = _CONTINUED.sub(lambda lines: lines[0].replace(b"\\\n", b" "), text) + b"\n"
+    scanned = np.frombuffer(text, np.uint8)
+    vertex_count, face_count, corner_count = _count(scanned)
+    limits.check("vertices", vertex_count)
+    limits.check("faces", face_count)
+    vertices, counts = np.empty((vertex_count, 3)), np.empty(face_count, np.int64)
+    corners = np.empty(corner_count, np.int64)
+    ended, place = _scan(scanned, vertices, corners, counts)
+    if ended == _BAD_VERTEX:
         raise MalformedFile(
-            "bad-face", f"each f line must name its vertices by whole numbers, not {quoted(bad)}"
+            "bad-vertex",
+            "each v line must begin with three numbers x y z, "
+            f"unlike the line {quoted_line(text, place)}",
         )
-    return corners
+    if ended == _BAD_FACE:
+        raise MalformedFile(
+            "bad-face",
+            "each f line must name its vertices by whole numbers, "
+            f"unlike the line {quoted_line(text, place)}",
+        )
+    convert(text, vertices)
+    _check_references(corners, vertex_count)
+    return vertices, triangulate(vertices, corners, counts, limits)
 
 
-def _absolute(
-    corners: NDArray[np.int64],
-    counts: NDArray[np.int64],
-    block: bytes,
-    vertices_before: int,
-) -> NDArray[np.int64]:
-    """References counted from 1: -1 is the last vertex written before the face, -2 the one before.
+def _check_references(corners: NDArray[np.int64], vertices: int) -> None:
+    outside = int(np.count_nonzero((corners < 0) | (corners >= vertices)))
+    if outside:
+        raise UnusableMesh(
+            "index-out-of-range",
+            f"{outside} of {len(corners)} face corners name a vertex that does not exist: indices "
+            f"begin at 1 and end at {vertices}, or count back from the line of the face (-1, -2, "
+            "...); the file is damaged or was written wrongly",
+        )
 
-    One that reaches back past the first vertex becomes 0, which names nothing.
+
+@kernel
+def _count(text):
+    """The v lines and f lines of a text, and the words in its f lines."""
+    vertices = faces = corners = place = 0
+    while place < len(text):
+        place = next_in_line(text, place)
+        kind = text[place]
+        if kind == _VERTEX and is_space(text[place + 1]):
+            vertices += 1
+        elif kind == _FACE and is_space(text[place + 1]):
+            faces += 1
+            place = next_in_line(text, place + 1)
+            while not _line_ends(text, place):
+                corners += 1
+                place = next_in_line(text, word_end(text, place))
+        place = line_end(text, place) + 1
+    return vertices, faces, corners
+
+
+@kernel
+def _scan(text, vertices, corners, counts):
+    """Fill arrays that have the sizes that `_count` gives, up to the first line that is wrong.
+
+    vertices: V x 3. corners: vertices of the faces, counted from 0; -1 for one that cannot exist.
+    counts: the corners of each face. Returns how the scan ended, and where.
     """
-    kinds = np.array(_VERTEX_OR_FACE.findall(block))
-    seen = vertices_before + np.cumsum(kinds == b"v")[kinds == b"f"]
-    backward = np.maximum(np.repeat(seen, counts) + 1 + corners, 0)
-    return np.where(corners < 0, backward, corners)
+    vertex = corner = face = place = 0
+    while place < len(text):
+        place = next_in_line(text, place)
+        kind = text[place]
+        if kind == _VERTEX and is_space(text[place + 1]):
+            place += 1
+            for axis in range(3):
+                place = next_in_line(text, place)
+                if _line_ends(text, place):
+                    return _BAD_VERTEX, place
+                vertices[vertex, axis], place = number(text, place)
+            vertex += 1
+        elif kind == _FACE and is_space(text[place + 1]):
+            first = corner
+            place = next_in_line(text, place + 1)
+            while not _line_ends(text, place):
+                corners[corner], place = _reference(text, place, vertex)
+                if corners[corner] < -1:
+                    return _BAD_FACE, place
+                corner += 1
+                place = next_in_line(text, word_end(text, place))
+            counts[face] = corner - first
+            face += 1
+        place = line_end(text, place) + 1
+    return _OK, place
+
+
+@inlined
+def _line_ends(text, place):
+    """Whether the next word of a line is none, or begins a comment."""
+    return text[place] == LINE_FEED or text[place] == HASH
+
+
+@kernel
+def _reference(text, place, vertices):
+    """The vertex that a word names, counted from 0, and the place where its number ends.
+
+    vertices: how many there are before the face, from which negative numbers count back.
+
+    The vertex is -1 for one that cannot exist, and -2 where the word is none of `7`, `7/1/2`, ...
+    """
+    negative = text[place] == MINUS
+    if negative or text[place] == PLUS:
+        place += 1
+    index, first = 0, place
+    while ZERO <= text[place] <= NINE and place - first <= _DIGITS:
+        index = 10 * index + (text[place] - ZERO)
+        place += 1
+    if not 1 <= place - first <= _DIGITS or not (text[place] == _SLASH or is_space(text[place])):
+        return -2, first
+    return max(vertices - index if negative and index else index - 1, -1), place

@@ -1,16 +1,23 @@
-"""Stanford PLY, ASCII and binary: the elements `vertex` and `face`; all others are passed over."""
+"""Stanford PLY, ASCII and binary: vertices, and faces or triangle strips."""
 
 import re
 from codecs import BOM_UTF8
 
 import numpy as np
+from numpy.typing import NDArray
 
 from meshconv3d.model.errors import MalformedFile
-from meshconv3d.model.loading.elements import Buffer, Column, Element, Field
 from meshconv3d.model.loading.limits import Limits
-from meshconv3d.model.loading.records import read_element
-from meshconv3d.model.loading.text import numbers, plain_text, quoted
-from meshconv3d.model.loading.triangles import Triangles, coordinates, fan
+from meshconv3d.model.loading.records import (
+    Column,
+    Element,
+    Field,
+    note_of_more,
+    read_binary,
+    read_text,
+)
+from meshconv3d.model.loading.text import plain_text, quoted
+from meshconv3d.model.loading.triangles import NotedTriangles, coordinates, indices, triangulate
 
 _TYPES = {
     "char": "i1",
@@ -32,37 +39,48 @@ _TYPES = {
     "double": "f8",
     "float64": "f8",
 }
-# Every number of an ASCII body is read as this, whatever type the header declares.
-_TEXT = np.dtype("<f8")
+_WHOLE = {name for name, kind in _TYPES.items() if kind[0] != "f"}
 _ORDERS = {"ascii": None, "binary_little_endian": "<", "binary_big_endian": ">"}
 _COUNT = re.compile("[0-9]{1,18}")
 _LONGEST_HEADER = 2**18  # bytes
 _CORNER_NAMES = ("vertex_indices", "vertex_index")
 
 
-def read_ply(data: bytes, limits: Limits) -> Triangles:
+def read_ply(data: bytes, limits: Limits) -> NotedTriangles:
     """The triangles of a PLY file. Raises MalformedFile and LimitExceeded."""
     data = data.removeprefix(BOM_UTF8)
-    lines, body = _split_header(data)
+    lines, place = _split_header(data)
     order = _byte_order(lines)
-    elements = _elements(lines, order)
-    corner_name = _check_elements(elements)
-    wanted = {*"xyz", corner_name}
-    records: Buffer = data[body:]
-    if not order:
-        records = numbers(plain_text(data[body:]), limits).view(np.uint8).data
-    columns: dict[str, dict[str, Column]] = {}
-    position = 0
-    for element in elements:
-        if {"vertex", "face"} <= columns.keys():
-            break
-        columns[element.name], position = read_element(records, position, element, wanted, limits)
-    vertex = columns["vertex"]
-    vertices = np.stack([coordinates(vertex[axis].values) for axis in "xyz"], axis=1)
-    if corner_name is None:
-        return vertices, np.empty((0, 3), dtype=np.int64)
-    corners = columns["face"][corner_name]
-    return vertices, fan(corners.values, corners.counts, limits)
+    elements = _elements(lines, order or "<")
+    wanted = _wanted(elements)
+    if order:
+        columns, place = read_binary(data, place, elements, wanted, limits)
+    else:
+        data = plain_text(data[place:])
+        columns, place = read_text(data, 0, elements, wanted, limits)
+    vertices = np.stack([coordinates(columns["vertex"][axis].values) for axis in "xyz"], axis=1)
+    faces = [np.empty((0, 3), dtype=np.int64)]
+    for name, column in wanted.items():
+        if name != "vertex":
+            faces.append(_READERS[name](vertices, columns[name][column[0]], limits))
+    return vertices, np.concatenate(faces), note_of_more(data, place)
+
+
+def _polygons(vertices: NDArray[np.float64], corners: Column, limits: Limits) -> NDArray[np.int64]:
+    return triangulate(vertices, corners.values, corners.counts, limits)
+
+
+def _strips(_: NDArray[np.float64], corners: Column, limits: Limits) -> NDArray[np.int64]:
+    """The triangles of strips, in which every second is wound the other way, and -1 begins anew."""
+    limits.check("faces", len(corners.values))
+    strips = np.split(indices(corners.values), np.cumsum(corners.counts)[:-1])
+    strips = np.concatenate([np.append(strip, -1) for strip in strips])
+    step = np.arange(len(strips))
+    began = np.maximum.accumulate(np.where(strips < 0, step + 1, 0))
+    first = step[:-2]
+    odd = (first - began[:-2]) % 2
+    faces = strips[np.stack([first + odd, first + 1 - odd, first + 2], axis=1)]
+    return faces[(faces >= 0).all(axis=1)]
 
 
 def _split_header(data: bytes) -> tuple[list[list[str]], int]:
@@ -79,8 +97,8 @@ def _split_header(data: bytes) -> tuple[list[list[str]], int]:
     body = end.end()
     if first[1] == b"\r" and end[1] == b"\r\n":
         body -= 1  # lines end in CR here: the LF is the first byte of the data
-    header = head[: end.start()].decode("latin-1")
-    return [words for line in header.splitlines() if (words := line.split())], body
+    header = re.split("[\r\n]", head[: end.start()].decode("latin-1"))
+    return [words for line in header if (words := line.split())], body
 
 
 def _byte_order(lines: list[list[str]]) -> str | None:
@@ -91,7 +109,7 @@ def _byte_order(lines: list[list[str]]) -> str | None:
     raise MalformedFile("bad-header", f"the header names no format (one of {', '.join(_ORDERS)})")
 
 
-def _elements(lines: list[list[str]], order: str | None) -> list[Element]:
+def _elements(lines: list[list[str]], order: str) -> list[Element]:
     """The elements that the header declares, in the order of the body."""
     found: list[tuple[str, int, list[Field]]] = []
     for words in lines:
@@ -99,11 +117,12 @@ def _elements(lines: list[list[str]], order: str | None) -> list[Element]:
             case ["element", name, length] if _COUNT.fullmatch(length):
                 found.append((name, int(length), []))
             case ["property", "list", count, item, name] if (
-                found and {count, item} <= _TYPES.keys()
+                found and count in _WHOLE and item in _TYPES
             ):
-                found[-1][2].append(Field(name, _dtype(item, order), _dtype(count, order)))
+                field = Field(name, np.dtype(order + _TYPES[item]), np.dtype(order + _TYPES[count]))
+                found[-1][2].append(field)
             case ["property", item, name] if found and item in _TYPES:
-                found[-1][2].append(Field(name, _dtype(item, order)))
+                found[-1][2].append(Field(name, np.dtype(order + _TYPES[item])))
             case ["element" | "property", *_]:
                 raise MalformedFile(
                     "bad-header", f"the header line {quoted(' '.join(words))} makes no sense"
@@ -111,19 +130,10 @@ def _elements(lines: list[list[str]], order: str | None) -> list[Element]:
     return [Element(name, length, tuple(fields)) for name, length, fields in found]
 
 
-def _dtype(name: str, order: str | None) -> np.dtype:
-    return np.dtype(order + _TYPES[name]) if order else _TEXT
-
-
-def _check_elements(elements: list[Element]) -> str | None:
-    """The name of the lists of vertex indices, None without faces; once the header makes sense."""
+def _wanted(elements: list[Element]) -> dict[str, list[str]]:
+    """The fields to read, by element. Raises MalformedFile where the header makes no sense."""
     names = [element.name for element in elements]
-    if "tristrips" in names and "face" not in names:
-        raise MalformedFile(
-            "unsupported-feature",
-            "the faces are stored as triangle strips, which are not read; export with a face list",
-        )
-    if names.count("vertex") != 1 or names.count("face") > 1:
+    if names.count("vertex") != 1 or any(names.count(name) > 1 for name in _READERS):
         raise MalformedFile("bad-header", "the header must declare vertices once, and faces once")
     vertex = elements[names.index("vertex")]
     numbers = [field.name for field in vertex.fields if field.count is None]
@@ -132,17 +142,20 @@ def _check_elements(elements: list[Element]) -> str | None:
         raise MalformedFile(
             "bad-header", f"the vertex element has no one property {', '.join(missing)}"
         )
-    if "face" not in names:
-        return None
-    return _corner_name(elements[names.index("face")])
+    faces = {element.name: [_corners(element)] for element in elements if element.name in _READERS}
+    return {"vertex": list("xyz"), **faces}
 
 
-def _corner_name(face: Element) -> str:
+def _corners(face: Element) -> str:
     """The lists of vertex indices, by either of their names or as the only list there is."""
     lists = [field.name for field in face.fields if field.count is not None]
     known = [name for name in lists if name in _CORNER_NAMES] or lists
     if len(known) == 1:
         return known[0]
     raise MalformedFile(
-        "bad-header", f"the face element has no one list property {' or '.join(_CORNER_NAMES)}"
+        "bad-header",
+        f"the {face.name} element has no one list property {' or '.join(_CORNER_NAMES)}",
     )
+
+
+_READERS = {"face": _polygons, "tristrips": _strips}

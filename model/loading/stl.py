@@ -1,21 +1,26 @@
 """STL, binary and ASCII."""
 
-import re
-
 import numpy as np
 
 from meshconv3d.model.errors import MalformedFile
+from meshconv3d.model.jit import kernel
 from meshconv3d.model.loading.limits import Limits
-from meshconv3d.model.loading.text import blocks, plain_text, points
-from meshconv3d.model.loading.triangles import Pieces, Triangles, coordinates
+from meshconv3d.model.loading.text import (
+    LOWER,
+    convert,
+    is_space,
+    next_word,
+    number,
+    plain_text,
+    quoted_line,
+    word_end,
+)
+from meshconv3d.model.loading.triangles import NotedTriangles, Triangles, coordinates
 
 _HEADER = 84  # bytes: 80 of any content, then the count of triangles
 _RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
-_VERTEX = re.compile(rb"^[ \t]*vertex[ \t]+(.*)$", re.MULTILINE | re.IGNORECASE)
-_FACET = re.compile(rb"^[ \t]*facet\b", re.MULTILINE | re.IGNORECASE)
-_END = re.compile(rb"^[ \t]*end[ \t]?solid\b", re.MULTILINE | re.IGNORECASE)
-_NO_FACES = np.empty((0, 3), dtype=np.int64)
+_OK, _CUT_OFF, _BAD_FACET = range(3)
 
 
 def is_exact_binary(data: bytes) -> bool:
@@ -23,7 +28,7 @@ def is_exact_binary(data: bytes) -> bool:
     return len(data) >= _HEADER and _declared_length(data) == len(data)
 
 
-def read_stl(data: bytes, limits: Limits) -> Triangles:
+def read_stl(data: bytes, limits: Limits) -> Triangles | NotedTriangles:
     """The triangles of an STL file, three vertices of their own each.
 
     Raises MalformedFile and LimitExceeded.
@@ -48,35 +53,27 @@ def read_stl(data: bytes, limits: Limits) -> Triangles:
     )
 
 
-def _read_binary(data: bytes, limits: Limits) -> Triangles:
-    count = _declared_count(data)
+def _read_binary(data: bytes, limits: Limits) -> NotedTriangles:
+    declared = count = _declared_count(data)
+    whole, rest = divmod(len(data) - _HEADER, _RECORD.itemsize)
+    note = ""
+    if whole > declared and len(data.rstrip(b"\0")) > _declared_length(data):
+        # Writers that do not know the count beforehand leave 0, or what they expected.
+        if not rest or not declared:
+            count = whole
+            note = (
+                f"The STL header declares {declared} triangles, but {count} follow: all were read."
+            )
+        else:
+            note = (
+                f"The STL file goes on for {len(data) - _declared_length(data)} bytes after the "
+                f"{declared} triangles that its header declares; they were not read."
+            )
     limits.check("faces", count)
     limits.check("vertices", 3 * count)
     records = np.frombuffer(data, dtype=_RECORD, count=count, offset=_HEADER)
     vertices = coordinates(records["corners"].reshape(-1, 3))
-    return vertices, np.arange(3 * count).reshape(-1, 3)
-
-
-def _read_ascii(text: bytes, limits: Limits) -> Triangles:
-    pieces = Pieces(limits)
-    facets, ended = 0, False
-    for block in blocks(text, limits):
-        facets += len(_FACET.findall(block))
-        limits.check("faces", facets)
-        pieces.add(points(_VERTEX.findall(block), "vertex line"), _NO_FACES)
-        ended = ended or _END.search(block) is not None
-    if not ended:
-        raise MalformedFile(
-            "truncated", "the text ends without 'endsolid'; it is cut off, export it again"
-        )
-    vertices, _ = pieces.joined()
-    if len(vertices) != 3 * facets:
-        raise MalformedFile(
-            "bad-face",
-            f"{facets} facets must have {3 * facets} vertices, but there are {len(vertices)}; "
-            "the file is damaged or was written wrongly, export it again",
-        )
-    return vertices, np.arange(len(vertices)).reshape(-1, 3)
+    return vertices, np.arange(3 * count).reshape(-1, 3), note
 
 
 def _declared_count(data: bytes) -> int:
@@ -90,3 +87,74 @@ def _declared_length(data: bytes) -> int:
 def _is_text(data: bytes) -> bool:
     start = data[:1024]
     return b"solid" in start.lower() and b"\0" not in start.rstrip(b"\0")
+
+
+def _read_ascii(text: bytes, limits: Limits) -> Triangles:
+    vertices = np.empty((text.lower().count(b"vertex"), 3))
+    ended, place, count = _scan(np.frombuffer(text, np.uint8), vertices)
+    if ended == _CUT_OFF:
+        raise MalformedFile(
+            "truncated", "the text ends without 'endsolid'; it is cut off, export it again"
+        )
+    if ended == _BAD_FACET:
+        raise MalformedFile(
+            "bad-face",
+            "each facet must have three vertices, unlike the one that ends in the line "
+            f"{quoted_line(text, place)}; the file is damaged or was written wrongly",
+        )
+    limits.check("faces", count // 3)
+    limits.check("vertices", count)
+    convert(text, vertices[:count])
+    return vertices[:count], np.arange(count).reshape(-1, 3)
+
+
+@kernel
+def _scan(text, vertices):
+    """Fill in the vertices of all facets, up to the first that is wrong.
+
+    White space is free, and names of solids are any words: outside of a facet, nothing counts but
+    the words that begin one, and the end of the solid.
+
+    vertices: as many rows as the text has words `vertex`, or more.
+
+    Returns how the scan ended, where, and the number of vertices.
+    """
+    vertex = facets = 0
+    inside, solid = False, True
+    place = next_word(text, 0, False)
+    while place < len(text):
+        after = next_word(text, word_end(text, place), False)
+        closes, ends = _is(text, place, b"endfacet"), _is(text, place, b"endsolid")
+        if _is(text, place, b"end") and after < len(text):
+            closes, ends = _is(text, after, b"facet"), _is(text, after, b"solid")
+            after = next_word(text, word_end(text, after), False)
+        opens = _is(text, place, b"facet") and (
+            _is(text, after, b"normal") or _is(text, after, b"outer")
+        )
+        if opens or closes or ends:
+            if vertex != 3 * facets:
+                return _BAD_FACET, place, vertex
+            inside, solid = opens, not ends
+            facets += opens
+        elif inside and _is(text, place, b"vertex"):
+            if vertex == 3 * facets:
+                return _BAD_FACET, place, vertex
+            for axis in range(3):
+                if after == len(text):
+                    return _CUT_OFF, place, vertex
+                vertices[vertex, axis], after = number(text, after)
+                after = next_word(text, after, False)
+            vertex += 1
+        place = after
+    return _CUT_OFF if solid or inside else _OK, place, vertex
+
+
+@kernel
+def _is(text, place, name):
+    """Whether the word at a place is this name, in upper or lower case."""
+    if place + len(name) >= len(text):
+        return False
+    for index in range(len(name)):
+        if text[place + index] | LOWER != name[index]:
+            return False
+    return is_space(text[place + len(name)])

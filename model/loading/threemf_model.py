@@ -87,7 +87,7 @@ def read_xml(
             parser.Parse(block, False)
             tag = given - parser.CurrentByteIndex  # what no block has ended yet
             given += len(block)
-            limits.check("line_bytes", tag, f"the XML of {quoted(name)} has a tag of {tag} bytes")
+            limits.check("tag_bytes", tag, f"the XML of {quoted(name)} has a tag of {tag} bytes")
             if len(names) > _DISTINCT_NAMES:
                 raise _malformed(name, f"it has more than {_DISTINCT_NAMES} different names")
         parser.Parse(b"", True)

@@ -51,8 +51,13 @@ FILES.add(
 )
 FILES.add("all in one point", b"OFF\n3 1 0\n" + b"1 1 1\n" * 3 + b"3 0 1 2\n", "zero-extent")
 FILES.add("four coordinates", build.off(header="4OFF"), "unsupported-feature")
-FILES.add("binary", build.off(header="OFF BINARY"), "unsupported-feature")
-FILES.add("a line of 4 MB", lambda: _BOX + b"1 " * 2_000_000, "too-many-line-bytes")
+FILES.add("text that is called binary", build.off(header="OFF BINARY"), "truncated")
+FILES.add("binary without counts", b"OFF BINARY\n\0\0", "bad-header")
+FILES.add("binary of -1 vertices", b"OFF BINARY\n" + b"\xff" * 12, "bad-header")
+FILES.add(
+    "binary of 2^31 - 1 faces", b"OFF BINARY\n" + b"\0\0\0\x08\x7f\xff\xff\xff" * 9, "truncated"
+)
+FILES.add("a line of 4 MB", lambda: _BOX + b"1 " * 2_000_000, None)
 FILES.add("a flood of comments", lambda: b"#\n" * 2_000_000 + _BOX, None)
 FILES.add("a flood of lines", lambda: b"OFF" + b"\n" * 4_000_000 + _BOX[4:], None)
 FILES.add(

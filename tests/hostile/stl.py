@@ -36,11 +36,11 @@ FILES.add("infinite", _of_corners(np.inf, 0, 1, 2), "non-finite-vertices")
 FILES.add("the largest floats", _of_corners(3e38, 0, -3e38, 1, 2), None)
 FILES.add("all in one point", _of_corners(7), "zero-extent")
 FILES.add("text cut before its end", _ASCII[: _ASCII.index(b"endsolid")], "truncated")
-FILES.add("text cut in a vertex", _ASCII[:100], "bad-vertex")
+FILES.add("text cut in a vertex", _ASCII[:100], "truncated")
 FILES.add("text without triangles", b"solid a\nendsolid a\n", "no-faces")
 FILES.add("text of two corners", replaced(_ASCII, b"    vertex 0.0 0.0 0.0\n", b""), "bad-face")
-FILES.add("text of words", replaced(_ASCII, b"vertex 0.0", b"vertex zero"), "bad-vertex")
-FILES.add("text in one line", _ASCII.replace(b"\n", b" "), "truncated")
+FILES.add("text of words", replaced(_ASCII, b"vertex 0.0", b"vertex zero"), "bad-number")
+FILES.add("text in one line", _ASCII.replace(b"\n", b" "), None)
 FILES.add(
     "text with an infinite number",
     replaced(_ASCII, b"vertex 0.0", b"vertex 1e400"),
@@ -51,7 +51,7 @@ FILES.add(
     _ASCII.replace(b"1.0", b"1.7e308").replace(b" 0.0", b" -1.7e308"),
     "extent-overflow",
 )
-FILES.add("a name of 2 MB", lambda: build.stl_ascii("a" * 2_000_000), "too-many-line-bytes")
+FILES.add("a name of 2 MB", lambda: build.stl_ascii("a" * 2_000_000), None)
 FILES.add("20 000 solids of one name", lambda: b"".join(_solids(20_000)), None)
 FILES.add(
     "a number of 500 000 digits",

@@ -207,7 +207,7 @@ _names = "".join(f"<n{number}/>" for number in range(40_000))
 _add("40 000 names", "bad-document", _changed("<build>", _names + "<build>"))
 _add(
     "a tag of 3 MB",
-    "too-many-line-bytes",
+    "too-many-tag-bytes",
     _changed(
         "<build>",
         "".join(f'<a b="{n}"/>' for n in range(9_000))

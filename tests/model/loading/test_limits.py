@@ -1,7 +1,6 @@
 """Limits: each is kept to the unit, by every format, and pieces are read as the whole is."""
 
 import loading_builders as build
-import numpy as np
 import pytest
 
 from meshconv3d.model.errors import LimitExceeded
@@ -31,23 +30,16 @@ def test_vertices_and_faces_are_limited_to_the_one(extension, data):
     refused(data, extension, faces=11)
 
 
-@pytest.mark.parametrize("data", [build.obj(), build.off(), build.stl_ascii(), build.ply_ascii()])
-def test_text_in_small_blocks_is_the_same_text(data):
-    longest = max(map(len, data.splitlines()))
-    whole = load_mesh(data)
-    for line_bytes in (longest, longest + 1, 3 * longest):
-        mesh = load_mesh(data, limits=Limits(line_bytes=line_bytes))
-        assert np.array_equal(mesh.vertices, whole.vertices)
-        assert np.array_equal(mesh.faces, whole.faces)
-    refused(data, "", line_bytes=10)
+def test_polygons_count_as_triangles():
+    for extension, data in (("obj", build.obj([range(8)])), ("off", build.off([range(8)]))):
+        assert len(load_mesh(data, extension, Limits(faces=6)).faces) == 6
+        refused(data, extension, faces=5)
 
 
-def test_references_back_reach_over_blocks():
-    relative = build.rows(build.VERTICES, "v ") + build.rows(build.FACES - 8, "f ")
-    for line_bytes in (20, 30, 100):
-        mesh = load_mesh(2 * relative.encode(), "obj", Limits(line_bytes=line_bytes))
-        assert build.is_box(mesh, boxes=2)
-        assert mesh.faces.max() == 15
+def test_cutting_concave_polygons_is_limited():
+    data = b"v 0 0 0\nv 2 1 0\nv 0 2 0\nv 1 1 0\nf 1 2 3 4\n"
+    assert len(load_mesh(data, "obj", Limits(ear_steps=48)).faces) == 2
+    refused(data, "obj", ear_steps=47)
 
 
 def test_placed_parts_count_each_time():

@@ -104,7 +104,60 @@ def test_indices_that_are_no_whole_numbers():
         load_mesh(text, "ply")
 
 
-def test_triangle_strips_are_refused_by_name():
-    text = build.ply_ascii().replace(b"element face", b"element tristrips")
-    with pytest.raises(MalformedFile, match="strips"):
-        load_mesh(text, "ply")
+def test_triangle_strips():
+    # Around the box, its bottom, its top; between them, what is no strip.
+    strips = [4, 0, 5, 1, 7, 3, 6, 2, 4, 0, -1, 0, 2, 1, 3, -1, -1, 7, -1, 4, 5, 6, 7]
+    for lists in ([strips], [strips[:10], strips[11:16], [], strips[16:]]):
+        for data in (build.ply_ascii(lists), build.ply_binary(lists, ">")):
+            mesh = load_mesh(data.replace(b"element face", b"element tristrips"), "ply")
+            assert len(mesh.faces) == 12
+            assert build.is_box(mesh)
+
+
+def test_columns_that_nobody_wants_may_hold_anything():
+    head, _, body = build.ply_ascii(MIXED).partition(b"end_header\n")
+    head = head.replace(b"property float x", b"property float u\nproperty float x")
+    head = head.replace(b"element face", b"property float nx\nelement face")
+    lines = body.splitlines()
+    vertices = [b"-nan(ind) " + line + b" nan(0x8) 1.#QNAN" for line in lines[:8]]
+    faces = [line + b" 255 0 \xff # 3 4" for line in lines[8:]]
+    for end in (b"\n", b"\r", b"\r\n"):
+        data = head + b"end_header\n" + b"\n".join([*vertices, b"", *faces]) + b"\n"
+        assert build.is_box(load_mesh(data.replace(b"\n", end), "ply"))
+
+
+def test_numbers_without_regard_to_lines():
+    for data in (build.ply_ascii(MIXED), build.ply_ascii()):
+        head, _, body = data.partition(b"end_header\n")
+        for blank in (b" ", b"\n"):
+            assert build.is_box(load_mesh(head + b"end_header\n" + blank.join(body.split())))
+
+
+@pytest.mark.parametrize("order", ["ascii", "<"])
+def test_headers_are_split_at_line_ends_alone(order):
+    data = build.ply_ascii() if order == "ascii" else build.ply_binary()
+    for strange in (b"\x85", b"\x0b", b"\x0c", b"\x1c", b"\x1d", b"\x1e"):
+        changed = data.replace(b"comment a box", b"comment a" + strange + b"element vertex 9")
+        assert build.is_box(load_mesh(changed, "ply"))
+
+
+@pytest.mark.parametrize(
+    ("scalar", "code"), [("char", "b"), ("uint16", "H"), ("int", "i"), ("double", "d")]
+)
+@pytest.mark.parametrize(
+    ("count", "width"), [("char", "b"), ("ushort", "H"), ("int32", "i"), ("uint64", "Q")]
+)
+def test_types_of_all_kinds(scalar, code, count, width):
+    for order, name in (("<", "little"), (">", "big")):
+        header = build.ply_header(f"binary_{name}_endian", len(MIXED), count, "uint")
+        header = header.replace(b"float", scalar.encode())
+        points = b"".join(
+            struct.pack(f"{order}3{code}", *map(int, p))
+            if code != "d"
+            else struct.pack(f"{order}3d", *p)
+            for p in build.VERTICES
+        )
+        lists = b"".join(
+            struct.pack(f"{order}{width}{len(face)}I", len(face), *face) for face in MIXED
+        )
+        assert build.is_box(load_mesh(header + points + lists, "ply"))

@@ -1,5 +1,7 @@
 """OBJ, OFF and STL: ordinary files load right, and traps are right or refused."""
 
+import struct
+
 import loading_builders as build
 import numpy as np
 import pytest
@@ -39,10 +41,10 @@ def test_obj_relative_and_absolute_indices_mix():
     assert build.is_box(load_mesh(text, "obj"))
 
 
-@pytest.mark.parametrize("reference", ["0", "9", "-9"])
+@pytest.mark.parametrize("reference", ["0", "-0", "9", "-9", "999999999999999999"])
 def test_obj_references_to_no_vertex_are_refused(reference):
     text = build.obj().replace(b"f 1 3 4", f"f {reference} 3 4".encode())
-    with pytest.raises(UnusableMesh) as caught:
+    with pytest.raises(UnusableMesh, match="begin at 1") as caught:
         load_mesh(text, "obj")
     assert caught.value.fault == "index-out-of-range"
 
@@ -54,7 +56,9 @@ def test_obj_vertices_of_two_numbers_are_refused():
             load_mesh(text.encode(), "obj")
 
 
-@pytest.mark.parametrize("bad", ["v 1,5 2 3", "v one two three", "v ", "f 1 2 x", "f 1 2 3.5"])
+@pytest.mark.parametrize(
+    "bad", ["v 1,5 2 3", "v one two three", "v ", "f 1 2 x", "f 1 2 3.5", "f /1 2 3"]
+)
 def test_obj_words_in_place_of_numbers_are_refused(bad):
     with pytest.raises(MalformedFile):
         load_mesh(build.obj() + bad.encode() + b"\n", "obj")
@@ -81,14 +85,6 @@ def test_obj_faces_of_any_kind_mix():
     assert build.is_box(mesh)
 
 
-def test_obj_polygons_become_fans():
-    angles = np.linspace(0, 2 * np.pi, 7)[:-1]
-    ring = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1)
-    mesh = load_mesh((build.rows(ring, "v ") + "f 1 2 3 4 5 6\n").encode(), "obj")
-    assert len(mesh.faces) == 4
-    assert build.area(mesh) == pytest.approx(1.5 * np.sqrt(3))
-
-
 def test_obj_colours_weights_comments_names_and_continued_lines():
     vertices = [
         f"v {x} {y} {z}{' 1' if x else ' 0.5 0.5 0.5'} # corner\n" for x, y, z in build.VERTICES
@@ -101,6 +97,33 @@ def test_obj_colours_weights_comments_names_and_continued_lines():
         + build.rows(build.QUADS[1:] + 1, "f ")
     )
     assert build.is_box(load_mesh(text.encode("latin-1"), "obj"))
+
+
+@pytest.mark.parametrize("line", ["# C:\\models\\", "g parts\\box\\", "mtllib C:\\", "l 1 2 # a\\"])
+def test_obj_lines_that_no_other_continues(line):
+    vertices, _, faces = build.obj().partition(b"f ")
+    for text in (b"%s\n" + vertices + b"f " + faces, vertices + b"%s\nf " + faces):
+        mesh = load_mesh(text % line.encode(), "obj")
+        assert (len(mesh.faces), build.area(mesh)) == (12, pytest.approx(build.AREA))
+
+
+def test_obj_lines_that_are_continued_more_than_once():
+    text = build.rows(build.VERTICES, "v ").replace(" 0.0 0.0\n", " \\\n0.0\\\n 0.0\n", 1)
+    faces = build.rows(build.QUADS + 1, "f ").replace(" ", " \\\n ")
+    assert build.is_box(load_mesh((text + faces + "f 1 2\\").encode(), "obj"))
+
+
+@pytest.mark.parametrize(
+    "word", ["1.#INF", "-1.#IND", "1#", "0x1", "1_0", "1e", ".", "+-1", "1..2"]
+)
+@pytest.mark.parametrize(
+    "data", [build.obj(), build.off(), build.stl_ascii(), build.ply_ascii()], ids=len
+)
+def test_words_that_only_begin_like_a_number(data, word):
+    with pytest.raises(MalformedFile) as caught:
+        load_mesh(data.replace(b"2.0 3.0", b"2.0 " + word.encode(), 1))
+    assert caught.value.fault == "bad-number"
+    assert word in str(caught.value)
 
 
 def test_obj_of_many_materials():
@@ -159,14 +182,43 @@ def test_off_with_comments_face_colours_and_mixed_polygons():
 
 
 def test_off_counts_on_the_line_of_the_keyword():
-    assert build.is_box(load_mesh(build.off().replace(b"OFF\n", b"OFF ", 1)))
+    for between in (b" ", b"", b" # box\n# counts\n"):
+        for name in (None, "box.off"):
+            assert build.is_box(load_mesh(build.off().replace(b"OFF\n", b"OFF" + between, 1), name))
+            colours = _with_columns("COFF", 4).encode()
+            assert build.is_box(load_mesh(colours.replace(b"COFF\n", b"COFF" + between, 1), name))
     assert build.is_box(load_mesh(build.off()[4:], "off"))
+    assert build.is_box(load_mesh(build.off().replace(b"8 12 0", b"8 12"), "off"))
 
 
-@pytest.mark.parametrize("header", ["4OFF", "nOFF", "OFF BINARY"])
+@pytest.mark.parametrize(("header", "columns"), [("OFF", 0), ("CNOFF", 7), ("STOFF", 2)])
+def test_binary_off(header, columns):
+    vertices = np.hstack([build.VERTICES, np.ones((8, columns))]).astype(">f4").tobytes()
+    coloured = b"".join(
+        struct.pack(">6i2f", 4, *face, 2, 0.5, 1) if face[0] else struct.pack(">6i", 4, *face, 0)
+        for face in build.QUADS
+    )
+    data = f"{header} BINARY\n".encode() + struct.pack(">3i", 8, 6, 12) + vertices + coloured
+    assert build.is_box(load_mesh(data))
+    assert load_mesh(data + bytes(9)).note == ""
+    assert "5 bytes" in load_mesh(data + b"12345").note
+    with pytest.raises(MalformedFile, match="ends before the last"):
+        load_mesh(data[:-1])
+
+
+@pytest.mark.parametrize("header", ["4OFF", "nOFF", "4nOFF"])
 def test_off_of_other_kinds_is_refused_by_name(header):
     with pytest.raises(MalformedFile, match="export"):
         load_mesh(build.off(header=header), "off")
+
+
+def test_more_than_the_header_declares_is_told():
+    for data in (build.off(), build.ply_ascii(), build.ply_binary()):
+        assert load_mesh(data).note == ""
+        fewer = data.replace(b"face 12", b"face 11").replace(b"8 12 0", b"8 11 0")
+        mesh = load_mesh(fewer)
+        assert len(mesh.faces) == 11
+        assert "goes on" in mesh.note
 
 
 @pytest.mark.parametrize("index", [-1, 8])
@@ -199,11 +251,26 @@ def test_counts_beyond_the_bytes_are_refused_at_once():
         assert caught.value.fault == "truncated"
 
 
-@pytest.mark.parametrize("tail", [b"\0", b"\n", b"\r\n", b"written by a CAD program"])
+@pytest.mark.parametrize("tail", [b"\0", b"\n", b"\r\n", b"written by a CAD program", bytes(100)])
 def test_binary_stl_with_trailing_bytes(tail):
     mesh = load_mesh(build.stl_binary() + tail, "stl")
     assert len(mesh.faces) == 12
     assert build.is_box(mesh)
+    assert mesh.note == ""
+
+
+@pytest.mark.parametrize("count", [0, 1, 11])
+def test_binary_stl_whose_count_is_too_small(count):
+    data = bytearray(build.stl_binary(b"solid"))
+    data[80:84] = struct.pack("<I", count)
+    mesh = load_mesh(bytes(data), "stl")
+    assert build.is_box(mesh)
+    assert f"declares {count} triangles" in mesh.note
+    assert "all were read" in mesh.note
+    # What follows is no list of triangles then, so the count is believed where there is one.
+    longer = load_mesh(bytes(data) + b"made by hand", "stl")
+    assert len(longer.faces) == (count or 12)
+    assert ("not read" in longer.note) == (count > 0)
 
 
 @pytest.mark.parametrize("header", [b"solid box", b"ply\n", b"OFF\n", b"v 1 2 3", b"{", b"\xe9"])
@@ -226,6 +293,25 @@ def test_ascii_stl_of_any_name_and_case(name):
 
 def test_ascii_stl_of_several_solids():
     assert build.is_box(load_mesh(2 * build.stl_ascii(), "stl"), boxes=2)
+
+
+@pytest.mark.parametrize("blank", [b" ", b"\t\n \n", b"\r\n"])
+@pytest.mark.parametrize("name", ["", "box of 3", "caf\xe9"])
+def test_ascii_stl_in_free_form(name, blank):
+    data = build.stl_ascii(name)
+    for free in (blank.join(data.split()), data.replace(b"normal 0 0 0\n", b"\n")):
+        assert build.is_box(load_mesh(free, "stl"))
+        assert build.is_box(load_mesh(free.replace(b"endfacet", b"end facet") + b" 7", "stl"))
+
+
+def test_ascii_stl_of_other_than_triangles():
+    corner = b"    vertex 0.0 0.0 0.0\n"
+    for data in (
+        build.stl_ascii().replace(corner, 2 * corner, 1),
+        build.stl_ascii().replace(corner, b""),
+    ):
+        with pytest.raises(MalformedFile, match="three vertices"):
+            load_mesh(data, "stl")
 
 
 def test_ascii_stl_without_its_end_is_cut_off():
