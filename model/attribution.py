@@ -1,8 +1,8 @@
-"""Where a score comes from: what each face of a mesh adds to it.
+"""Attribution: the contribution of each face of a mesh to a score.
 
-A score is a bias plus the mean of what the last level's faces say, and each of those is the mean of
-faces that it gathered, level by level. So a score can be sent back the way it came, and nothing is
-lost: what the faces of the mesh add, and the bias, sum to the score.
+A score is a bias plus the mean evidence of the last level's faces, and each of those is the mean of
+the faces that it gathered, level by level. So the score can be distributed backwards without loss:
+the contributions of all faces and the bias sum to the score.
 """
 
 import numpy as np
@@ -12,14 +12,15 @@ from meshconv3d.model.mesh import Mesh
 from meshconv3d.model.topology import Surface, Topology
 from meshconv3d.model.topology.geometry import face_areas
 
-# The least share of a mesh's area that a face is taken to have.
+# The least area of a face, as a share of its mesh's.
 NO_AREA = 1e-15
 
 
 def contributions(evidence: NDArray, topology: Topology, surface: Surface) -> NDArray[np.float64]:
-    """What each face of a prepared mesh adds to one score, F_0 float64; the sum is its mean.
+    """Contribution of each face of a prepared mesh to one score, F_0 float64.
 
-    evidence: N_L, one column of what the network says of the last level's faces.
+    evidence: N_L, one column of the network's output for the last level's faces; the contributions
+    sum to its mean.
     """
     shares = evidence.astype(np.float64) / len(evidence)
     reached = np.ones(len(shares), bool)
@@ -35,10 +36,10 @@ def contributions(evidence: NDArray, topology: Topology, surface: Surface) -> ND
 def _share_with_unreached(
     shares: NDArray[np.float64], reached: NDArray[np.bool_], twin: NDArray[np.int32]
 ) -> NDArray[np.float64]:
-    """Let faces that no pooled face gathered have a part of what their neighbours have.
+    """Give faces that no pooled face gathered a part of their neighbours' shares.
 
-    Such a face was collapsed, and speaks only through the patches of those around it. Ring by
-    ring, each of these splits its share equally among itself and its neighbours without one.
+    Such a face was collapsed and acts only through the patches around it. Ring by ring, each face
+    with a share splits it equally among itself and its neighbours without one.
     """
     h = np.flatnonzero(twin >= 0)
     face, neighbour = h // 3, twin[h] // 3
@@ -54,16 +55,16 @@ def _share_with_unreached(
 
 
 def onto_file(shares: NDArray[np.float64], prepared: Mesh, file: Mesh) -> NDArray[np.float64]:
-    """What each face of the file adds, F float64, from what those of the prepared mesh do (F_0).
+    """Contribution of each face of the file, F float64, from those of the prepared mesh, F_0.
 
     prepared: in the coordinates of the file. Each face of the file belongs to the prepared face
-    that is nearest to its centroid; a prepared face gives its share to those that belong to it,
-    by their area, or, where there are none, to the face nearest to its own centroid. Both sum to
-    the same.
+    that is nearest to its centroid; a prepared face divides its share among those that belong to
+    it, by area, or, where there are none, gives it to the face nearest to its own centroid. The
+    sum stays the same.
     """
     owner = _nearest(_centroids(file), prepared)
     areas = face_areas(file.vertices, file.faces)
-    # A face without area adds nothing, unless its owner has no other.
+    # A face without area contributes nothing, unless its owner has no other.
     areas = np.maximum(areas, areas.sum() * NO_AREA)
     owned = np.bincount(owner, areas, len(shares))
     added = areas * (shares / np.where(owned > 0, owned, 1))[owner]
@@ -79,8 +80,8 @@ def _centroids(mesh: Mesh) -> NDArray[np.float64]:
 
 
 def _nearest(points: NDArray[np.float64], mesh: Mesh) -> NDArray[np.int64]:
-    """The face of a mesh whose surface is nearest to each point (N x 3): N int64."""
-    # libigl pulls in scipy: who classifies without explaining need not wait for that.
+    """The face of a mesh that is nearest to each point (N x 3): N int64."""
+    # Imported here: libigl loads scipy, which classifying does not need.
     import igl
 
     faces = mesh.faces.astype(np.int64)

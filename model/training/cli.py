@@ -229,7 +229,7 @@ def _kept_on_failure(trainer: "Trainer") -> Iterator[None]:
     try:
         yield
     except (KeyboardInterrupt, OSError) as error:
-        _say(f"{len(trainer.history)} epochs are kept: run the same command again to go on")
+        _say("run the same command again to go on after the last finished epoch")
         if isinstance(error, OSError):
             reason = error.strerror or str(error)
             raise click.ClickException(f"cannot write to {trainer.folder}: {reason}") from None

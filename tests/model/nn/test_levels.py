@@ -1,5 +1,6 @@
 """Learned pooling asks the features that enter it, and lets their gradient through."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -65,10 +66,12 @@ def test_other_features_collapse_other_faces() -> None:
     assert one.shape != other.shape or (one != other).any()
 
 
-def test_the_gradient_reaches_every_weight() -> None:
+@pytest.mark.parametrize("literal", [False, True])
+def test_the_gradient_reaches_every_weight(literal: bool) -> None:
     torch.manual_seed(0)
-    network = Network(LEARNED).train()
-    scores = network(*tensors(LEARNED)).scores
+    config = replace(LEARNED, literal_pooling=literal)
+    network = Network(config).train()
+    scores = network(*tensors(config)).scores
     torch.nn.functional.cross_entropy(scores, torch.tensor([0, 1, 2])).backward()
     for name, parameter in network.named_parameters():
         assert parameter.grad is not None, name

@@ -184,7 +184,7 @@ def test_a_full_disk_loses_no_finished_epoch(
         patch.setattr(Path, "write_bytes", fill_up)
         result = train(data, tmp_path, *options)
     assert result.exit_code == 1
-    assert "run the same command again to go on" in result.stderr
+    assert "run the same command again to go on after" in result.stderr
     assert "No space left on device" in result.stderr
     assert not list(tmp_path.glob("*.partial"))
     stderr = said(train(data, tmp_path, *options))
