@@ -1,6 +1,6 @@
-"""One way to log: every line, the server's own too, as one JSON object or as plain text.
+"""Logging to standard error, as JSON objects or plain text, uvicorn's lines too.
 
-A line never holds what a file contains or is called.
+No line holds the content or the name of a file.
 """
 
 import logging.config
@@ -13,7 +13,7 @@ LogFormat = Literal["json", "text"]
 
 
 def configure_logs(form: LogFormat) -> None:
-    """Send the log of this process to standard error in one form."""
+    """Set up logging for this process."""
     logging.config.dictConfig(
         {
             "version": 1,

@@ -1,4 +1,4 @@
-"""What an operator can set: a flag over a MESHCONV3D_* variable over the default."""
+"""Settings: a flag goes before a MESHCONV3D_* variable, and that before the default."""
 
 import ipaddress
 import os
@@ -10,7 +10,6 @@ from pydantic import Field, SecretStr, field_validator, model_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
 from meshconv3d.model.loading import Limits
-from meshconv3d.service.api_keys import check_key, read_keys
 from meshconv3d.service.logs import LogFormat
 from meshconv3d.service.models import shipped_models
 
@@ -18,12 +17,16 @@ MIB = 1024 * 1024
 LIMITS = Limits()
 # A scheme, a host and perhaps a port, as browsers send it.
 ORIGIN = re.compile(r"https?://[a-z0-9.\-]+(:\d+)?|https?://\[[0-9a-f:]+\](:\d+)?")
-# Host names of requests to a loopback address that no other site can take.
-LOOPBACK_NAMES = ("localhost", "127.0.0.1", "::1")
+# A host as the header Host has it, without a port; * for any.
+HOST = re.compile(r"[a-zA-Z0-9._-]+|\[[0-9a-fA-F:]+\]|\*")
+# Hosts of requests to a loopback address that no other site can take.
+LOOPBACK_HOSTS = ("localhost", "127.0.0.1", "[::1]")
+# Shorter keys can be guessed.
+MIN_KEY_CHARACTERS = 16
 
 
 class Settings(BaseSettings):
-    """One typed field for each setting: its variable is MESHCONV3D_<FIELD>, its flag --field."""
+    """All settings of the service. Variable of a field: MESHCONV3D_FIELD; flag: --field."""
 
     model_config = SettingsConfigDict(env_prefix="MESHCONV3D_", hide_input_in_errors=True)
 
@@ -130,12 +133,25 @@ class Settings(BaseSettings):
                 raise ValueError(f"{origin!r} is no origin; name one as https://example.org:8080")
         return origins
 
+    @field_validator("allowed_hosts")
+    @classmethod
+    def _are_hosts(cls, hosts: tuple[str, ...]) -> tuple[str, ...]:
+        for host in hosts:
+            if not HOST.fullmatch(host):
+                raise ValueError(f"{host!r} is no host; name one without a port, as example.org")
+        return hosts
+
     @model_validator(mode="after")
     def _read_keys(self) -> Self:
         if self.api_keys_file is not None:
-            self.api_keys += read_keys(self.api_keys_file)
+            self.api_keys += _keys_in(self.api_keys_file)
         for key in self.api_keys:
-            check_key(key)
+            text = key.get_secret_value()
+            if len(text) < MIN_KEY_CHARACTERS or not re.fullmatch("[!-~]+", text):
+                raise ValueError(
+                    f"an API key needs {MIN_KEY_CHARACTERS} characters or more, of ASCII without "
+                    "blanks; make one with: openssl rand -hex 24"
+                )
         return self
 
     @model_validator(mode="after")
@@ -148,10 +164,10 @@ class Settings(BaseSettings):
         return self
 
     @property
-    def host_names(self) -> frozenset[str] | None:
-        """Host names that requests may name, in lower case; None for any."""
-        names = self.allowed_hosts or (LOOPBACK_NAMES if _is_loopback(self.host) else ("*",))
-        return None if "*" in names else frozenset(name.strip("[]").lower() for name in names)
+    def hosts(self) -> frozenset[str] | None:
+        """Hosts that requests may name, in lower case; None for any."""
+        hosts = self.allowed_hosts or (LOOPBACK_HOSTS if _is_loopback(self.host) else ("*",))
+        return None if "*" in hosts else frozenset(host.lower() for host in hosts)
 
     @property
     def limits(self) -> Limits:
@@ -162,6 +178,20 @@ class Settings(BaseSettings):
     def max_request_meshes(self) -> int:
         """Most meshes in one request: no more than the queue has places."""
         return min(self.max_batch_meshes, self.max_queue_requests)
+
+
+def _keys_in(path: Path) -> tuple[SecretStr, ...]:
+    """The keys in a file, one in each line."""
+    try:
+        lines = path.read_text(encoding="utf-8").split("\n")
+    except OSError as error:
+        raise ValueError(f"{path} cannot be read: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise ValueError(f"{path} is not a text file") from None
+    keys = tuple(SecretStr(line.strip()) for line in lines if line.strip())
+    if not keys:
+        raise ValueError(f"{path} holds no API key; put one in each line")
+    return keys
 
 
 def _is_loopback(host: str) -> bool:

@@ -27,7 +27,7 @@ class Access:
     """
 
     def __init__(self, settings: Settings) -> None:
-        self._hosts = settings.host_names
+        self._hosts = settings.hosts
         self._origins = settings.cors_origins
         self._digests = [_digest(key.get_secret_value().encode()) for key in settings.api_keys]
         self._metrics_port = settings.metrics_port
@@ -55,7 +55,7 @@ class Access:
         for value in headers.getlist("host"):
             name, _, port = value.rpartition(":")
             host = name if port.isdigit() else value
-            if host.strip("[]").rstrip(".").lower() not in self._hosts:
+            if host.rstrip(".").lower() not in self._hosts:
                 detail = (
                     "this service does not answer for the host name of the request; where it "
                     "should, add the name to the setting allowed_hosts"

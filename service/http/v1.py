@@ -1,6 +1,7 @@
 """The service's own API: meshes in, records out."""
 
 import logging
+import re
 from collections.abc import AsyncIterator, Sequence
 from dataclasses import asdict
 from typing import Annotated
@@ -34,6 +35,8 @@ log = logging.getLogger(__name__)
 JSON_LINES = "application/x-ndjson"
 # The forms of an explanation that are files.
 COLOURED = [FORMS[name].media_type for name in ("glb", "ply")]
+
+_NUMBER = re.compile(r"\d(\.\d{0,3})?")
 
 # The name of the default stays out of the description, which needs no key.
 ModelName = Annotated[
@@ -196,30 +199,16 @@ def preferred(accept: str, offered: Sequence[str]) -> str | None:
 
     None if it accepts none of them. An empty header accepts all.
     """
-    ranges = [_range(part) for part in accept.split(",") if part.strip()]
-    if not ranges:
-        return offered[0]
-    best = max(offered, key=lambda media_type: _quality(media_type, ranges))
-    return best if _quality(best, ranges) > 0 else None
+    qualities: dict[str, float] = {}
+    for entry in (accept.strip() or "*/*").lower().replace(" ", "").split(","):
+        media_range, *parameters = entry.split(";")
+        quality = next((p[2:] for p in parameters if p.startswith("q=")), "1")
+        qualities[media_range] = float(quality) if _NUMBER.fullmatch(quality) else 0.0
 
+    def quality_of(media_type: str) -> float:
+        """That of the most exact range which matches."""
+        ranges = (media_type, media_type.partition("/")[0] + "/*", "*/*")
+        return next((qualities[name] for name in ranges if name in qualities), 0.0)
 
-def _range(text: str) -> tuple[str, float]:
-    media_type, *parameters = (part.strip().lower() for part in text.split(";"))
-    for parameter in parameters:
-        name, _, value = parameter.partition("=")
-        if name.strip() == "q":
-            try:
-                return media_type, float(value)
-            except ValueError:
-                return media_type, 0.0
-    return media_type, 1.0
-
-
-def _quality(media_type: str, ranges: Sequence[tuple[str, float]]) -> float:
-    """The quality of the most exact range that matches, or 0."""
-    kind = media_type.partition("/")[0]
-    for matching in (media_type, f"{kind}/*", "*/*"):
-        for name, quality in ranges:
-            if name == matching:
-                return quality
-    return 0.0
+    best = max(offered, key=quality_of)
+    return best if quality_of(best) > 0 else None

@@ -208,16 +208,16 @@ def test_a_loopback_service_answers_for_loopback_names(
 @pytest.mark.parametrize(
     ("settings", "names"),
     [
-        ({}, {"localhost", "127.0.0.1", "::1"}),
-        ({"host": "::1"}, {"localhost", "127.0.0.1", "::1"}),
+        ({}, {"localhost", "127.0.0.1", "[::1]"}),
+        ({"host": "::1"}, {"localhost", "127.0.0.1", "[::1]"}),
         ({"host": "0.0.0.0"}, None),
         ({"host": "mesh.example"}, None),
-        ({"allowed_hosts": ("Mesh.Example", "[::1]")}, {"mesh.example", "::1"}),
+        ({"allowed_hosts": ("Mesh.Example", "[::1]")}, {"mesh.example", "[::1]"}),
         ({"allowed_hosts": ("*",)}, None),
     ],
 )
-def test_host_names_follow_from_the_address(settings: dict, names: set[str] | None) -> None:
-    assert Settings(**settings).host_names == names
+def test_allowed_hosts_follow_from_the_address(settings: dict, names: set[str] | None) -> None:
+    assert Settings(**settings).hosts == names
 
 
 def test_metrics_have_a_port_of_their_own(start: Callable[..., Service]) -> None:
@@ -238,6 +238,12 @@ def test_what_is_no_origin_is_refused_at_the_start(origin: str) -> None:
     done = meshconv3d("serve", "--cors-origin", origin)
     assert done.returncode == 2
     assert "bad setting: cors_origins" in done.stderr
+
+
+@pytest.mark.parametrize("host", ["example.org:8000", "http://example.org", "::1"])
+def test_what_is_no_host_is_refused_at_the_start(host: str) -> None:
+    with pytest.raises(ValueError, match="name one without a port"):
+        Settings(allowed_hosts=(host,))
 
 
 def test_every_answer_tells_browsers_to_make_nothing_of_it(client: httpx.Client) -> None:
