@@ -41,7 +41,9 @@ class Worker:
         context = _context()
         self.ended = False
         self._socket, theirs = socket.socketpair()
-        self._answers = self._socket.makefile("rb")
+        # pickle writes a large content to a file as it is; a copy of it would hold the interpreter,
+        # and with it the event loop.
+        self._tasks, self._answers = self._socket.makefile("wb"), self._socket.makefile("rb")
         self._process = context.Process(target=work, args=(theirs, setup), daemon=True)
         # The fork server, which starts with the first worker, inherits this mask: no signal ends
         # it before `preload` ignores them. The resource tracker would unblock them as it starts.
@@ -83,7 +85,8 @@ class Worker:
         try:
             try:
                 self._socket.settimeout(_left(until))
-                self._socket.sendall(pickle.dumps(task, pickle.HIGHEST_PROTOCOL))
+                pickle.dump(task, self._tasks, pickle.HIGHEST_PROTOCOL)
+                self._tasks.flush()
             except ConnectionError:
                 read = False  # though it may have answered before it ended
             return self._receive(until)
