@@ -19,7 +19,9 @@ from meshconv3d.model.preparation.cleaning import (
     count_components,
     drop_degenerate,
     drop_unused,
+    label_components,
 )
+from meshconv3d.model.preparation.parts import keep_largest_parts
 from meshconv3d.model.preparation.simplification import coarsen, decimate
 from meshconv3d.model.preparation.subdivision import subdivide
 from meshconv3d.model.topology.geometry import (
@@ -43,6 +45,8 @@ __all__ = [
 # Simplification that changes the area by more than this has destroyed the shape (crumpled it, or
 # swallowed its thin parts): no class can be read from what is left.
 AREA_KEPT = (0.25, 2.0)
+# More faces than so many budgets take the topology stage and the graph seconds.
+MOST_BUDGETS = 12
 
 
 @dataclass(frozen=True)
@@ -51,14 +55,15 @@ class MeshReport:
 
     faces_in: as loaded; vertices_in: those that faces use. faces_used: what the network saw.
     vertices_merged: vertices that coincided with another. degenerate_dropped: faces without area.
-    duplicates_dropped: faces over the same three vertices as another.
+    duplicates_dropped: faces over the same three vertices as another. walls_dropped: faces inside
+    a closed surface, as between the cells of a volume mesh.
     nonmanifold_edges: edges with more than two faces. vertices_split: copies made where surfaces
     only touched, in an edge or a corner. flipped: faces whose winding was turned.
     components, border_edges, watertight: of the cleaned surface, before its face count changed.
     resampled: how the face count was brought to the model's budget; within_budget: whether it
-    was, which very many parts can prevent. components_lost: small parts that simplification
-    swallowed. area_kept: surface after resampling over surface before it.
-    note: what reading the file left out or had to guess; mostly empty.
+    was, which many parts or holes can prevent. components_lost: small parts that were dropped or
+    that simplification swallowed. area_kept: surface after all this over surface before it.
+    note: what reading or simplifying left out or had to guess; mostly empty.
     """
 
     faces_in: int
@@ -67,6 +72,7 @@ class MeshReport:
     vertices_merged: int
     degenerate_dropped: int
     duplicates_dropped: int
+    walls_dropped: int
     nonmanifold_edges: int
     vertices_split: int
     flipped: int
@@ -107,11 +113,17 @@ def prepare(mesh: Mesh, face_budget: int) -> tuple[Mesh, MeshReport]:
 def prepare_placed(mesh: Mesh, face_budget: int) -> tuple[Mesh, MeshReport, Placement]:
     """What `prepare` makes of a mesh, and where in the file it lies."""
     clean_vertices, clean_faces, counts = clean(mesh)
-    vertices, faces, resampled = _resample(clean_vertices, clean_faces, face_budget)
-    area_kept, components = 1.0, counts["components"]
-    if resampled != "none":
+    parts = counts["components"]
+    vertices, faces = clean_vertices, clean_faces
+    if parts > 1:
+        component, _ = label_components(faces, len(vertices))
+        kept = keep_largest_parts(vertices, faces, component, face_budget)
+        vertices, faces = drop_unused(vertices, faces[kept])
+    vertices, faces, resampled = _resample(vertices, faces, face_budget)
+    area_kept, parts_left, note = 1.0, parts, mesh.note
+    if resampled != "none" or len(faces) < len(clean_faces):
         area_kept = surface_area(vertices, faces) / surface_area(clean_vertices, clean_faces)
-        components = count_components(faces, len(vertices))
+        parts_left = count_components(faces, len(vertices))
     if not AREA_KEPT[0] <= area_kept <= AREA_KEPT[1]:
         raise UnusableMesh(
             "lost-in-simplification",
@@ -119,15 +131,24 @@ def prepare_placed(mesh: Mesh, face_budget: int) -> tuple[Mesh, MeshReport, Plac
             f"{area_kept:.0%}: the shape is too intricate (foliage, hair, many loose parts); "
             "export a simpler version of the mesh",
         )
+    if len(faces) > MOST_BUDGETS * face_budget:
+        raise UnusableMesh(
+            "lost-in-simplification",
+            f"{len(mesh.faces)} faces cannot be simplified below {len(faces)} without changing the "
+            f"topology, and the model takes {face_budget}: the surface has too many holes or "
+            "borders; export a simpler version of the mesh",
+        )
+    if parts_left > parts:
+        note = f"{note}; " * bool(note) + f"simplification split {parts} parts into {parts_left}"
     report = MeshReport(
         **counts,
         faces_in=len(mesh.faces),
         faces_used=len(faces),
         resampled=resampled,
         within_budget=len(faces) <= face_budget,
-        components_lost=counts["components"] - components,
+        components_lost=max(0, parts - parts_left),
         area_kept=round(area_kept, 4),
-        note=mesh.note,
+        note=note,
     )
     centre, radius = _sphere(vertices, faces)
     corner, size = bounding_cube(mesh)

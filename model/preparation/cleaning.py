@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from meshconv3d.model.errors import UnusableMesh
 from meshconv3d.model.jit import kernel
 from meshconv3d.model.mesh import Mesh
+from meshconv3d.model.preparation.shell import find_root, find_walls, join
 from meshconv3d.model.topology.geometry import (
     FaceGeometry,
     bounds,
@@ -60,6 +61,13 @@ def clean(mesh: Mesh) -> tuple[NDArray[np.float64], NDArray[np.int32], dict[str,
         )
     faces, winding, duplicates = merge_duplicates(faces)
     touching, _, nonmanifold = find_twins(faces, len(vertices), False)
+    walls = 0
+    if nonmanifold:
+        outer = ~find_walls(vertices, faces)
+        walls = len(faces) - int(np.count_nonzero(outer))
+        if walls:
+            faces, winding = faces[outer], winding[outer]
+            touching, _, _ = find_twins(faces, len(vertices), False)
     flip, touching = wind_alike(faces, touching)
     vertices, faces, copies = split_vertices(vertices, faces, touching)
     faces = turned(faces, flip)
@@ -71,6 +79,7 @@ def clean(mesh: Mesh) -> tuple[NDArray[np.float64], NDArray[np.int32], dict[str,
         "vertices_merged": merged,
         "degenerate_dropped": degenerate,
         "duplicates_dropped": duplicates,
+        "walls_dropped": walls,
         "nonmanifold_edges": nonmanifold,
         "vertices_split": copies,
         "flipped": int(np.count_nonzero(against_file)),
@@ -194,20 +203,10 @@ def _glue_corners(faces: NDArray[np.int32], twin: NDArray[np.int32]) -> NDArray[
         for corner in (h % 3, (h % 3 + 1) % 3):
             for other in (t % 3, (t % 3 + 1) % 3):
                 if faces[f, corner] == faces[g, other]:
-                    a = _root(parent, 3 * f + corner)
-                    b = _root(parent, 3 * g + other)
-                    parent[max(a, b)] = min(a, b)
+                    join(parent, 3 * f + corner, 3 * g + other)
     for corner in range(len(twin)):
-        parent[corner] = _root(parent, corner)
+        parent[corner] = find_root(parent, corner)
     return parent
-
-
-@kernel
-def _root(parent: NDArray[np.int32], node: int) -> int:
-    while parent[node] != node:
-        parent[node] = parent[parent[node]]
-        node = parent[node]
-    return node
 
 
 def wind_alike(
@@ -326,10 +325,16 @@ def _enclosed(
     return total, own / 3, common / 3
 
 
+def label_components(faces: NDArray[np.int32], vertex_count: int) -> tuple[NDArray[np.int32], int]:
+    """Part of each face (F int32), and how many parts there are; parts share no edge."""
+    twin, _, _ = find_twins(faces, vertex_count)
+    component, _, count = _spread_orientation(faces, twin)
+    return component, count
+
+
 def count_components(faces: NDArray[np.int32], vertex_count: int) -> int:
     """Parts of a mesh that share no edge."""
-    twin, _, _ = find_twins(faces, vertex_count)
-    return _spread_orientation(faces, twin)[2]
+    return label_components(faces, vertex_count)[1]
 
 
 def turned(faces: NDArray[np.int32], which: NDArray[np.bool_]) -> NDArray[np.int32]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from meshconv3d.model.errors import UnusableMesh
 from meshconv3d.model.mesh import Mesh
-from meshconv3d.model.preparation.cleaning import bounding_cube, clean
+from meshconv3d.model.preparation.cleaning import bounding_cube, clean, count_components
 from meshconv3d.model.topology.geometry import surface_area
 
 # Read as libigl is first used. To start threads for each mesh takes longer than they save, and
@@ -23,7 +23,8 @@ os.environ.setdefault("IGL_NUM_THREADS", "1")
 MOST_FACES = 20_000
 # What is left, in face budgets.
 ROOM = 4
-# A coarse mesh whose area is farther off than this has lost parts, and is not used.
+# A coarse mesh whose area is farther off than this has lost parts, and is not used; nor is one that
+# is torn into more parts.
 AREA_KEPT = (0.9, 1.1)
 
 
@@ -43,7 +44,10 @@ def coarsen(
     except UnusableMesh:
         return vertices, faces
     kept = surface_area(fewer, fewer_faces) / surface_area(vertices, faces)
-    return (fewer, fewer_faces) if AREA_KEPT[0] <= kept <= AREA_KEPT[1] else (vertices, faces)
+    if not AREA_KEPT[0] <= kept <= AREA_KEPT[1]:
+        return vertices, faces
+    torn = count_components(fewer_faces, len(fewer)) > count_components(faces, len(vertices))
+    return (vertices, faces) if torn else (fewer, fewer_faces)
 
 
 def _cleaned(mesh: Mesh) -> tuple[NDArray[np.float64], NDArray[np.int32]]:

@@ -26,7 +26,7 @@ def find_twins(
     runs the other way, and the rest become borders; without pair_nonmanifold, all do. A face
     that names a vertex twice has no neighbours.
     """
-    order, low, high = _sorted_edges(faces, vertex_count)
+    order, low, high = sort_edges(faces, vertex_count)
     twin = np.full(3 * len(faces), -1, np.int32)
     border = 0
     nonmanifold = 0
@@ -52,7 +52,7 @@ def find_twins(
 
 
 @kernel
-def _sorted_edges(
+def sort_edges(
     faces: NDArray[np.int32], vertex_count: int
 ) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]:
     """Half-edges sorted by (low vertex, high vertex, id), by two stable counting sorts."""
@@ -101,9 +101,9 @@ def _pair_opposite(
     forward = 0
     backward = 0
     while True:
-        while forward < len(run) and not _ascends(faces, run[forward]):
+        while forward < len(run) and not ascends(faces, run[forward]):
             forward += 1
-        while backward < len(run) and _ascends(faces, run[backward]):
+        while backward < len(run) and ascends(faces, run[backward]):
             backward += 1
         if forward == len(run) or backward == len(run):
             return
@@ -114,7 +114,7 @@ def _pair_opposite(
 
 
 @kernel
-def _ascends(faces: NDArray[np.int32], h: int) -> bool:
+def ascends(faces: NDArray[np.int32], h: int) -> bool:
     return faces[h // 3, h % 3] < faces[h // 3, (h % 3 + 1) % 3]
 
 

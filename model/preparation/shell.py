@@ -1,0 +1,138 @@
+"""The outer shell of a mesh that has walls inside, as the cells of a volume mesh are.
+
+A walker on one side of a face crosses each of its edges to the side of the next face around that
+edge, and around a border to the back of the same face. The sides that can be reached from one
+another enclose a cell of space, or look at it from outside. Faces that do not look outside on
+either side are walls; to a viewer, and to qslim, the shape is the rest.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from meshconv3d.model.jit import kernel
+from meshconv3d.model.topology.geometry import cross, dot, row, subtract
+from meshconv3d.model.topology.halfedges import ascends, sort_edges
+
+
+@kernel
+def find_walls(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> NDArray[np.bool_]:
+    """Faces (F bool) that are enclosed by others of their component.
+
+    A component that can be entered through a border has no walls. Time grows with the faces.
+    """
+    side = np.arange(2 * len(faces))
+    component = np.arange(len(faces))
+    border = np.zeros(len(faces), np.bool_)
+    order, low, high = sort_edges(faces, len(vertices))
+    start = 0
+    while start < len(order):
+        first = order[start]
+        end = start + 1
+        while (
+            end < len(order) and low[order[end]] == low[first] and high[order[end]] == high[first]
+        ):
+            end += 1
+        around = order[start:end]
+        border[first // 3] |= len(around) == 1
+        if len(around) > 2:
+            around = around[np.argsort(_angles(vertices, faces, around), kind="mergesort")]
+        for i in range(len(around)):
+            h, next_h = around[i], around[(i + 1) % len(around)]
+            join(component, h // 3, next_h // 3)
+            # The side of h that looks along the turn, and that of the next that looks against it.
+            join(
+                side,
+                2 * (h // 3) + (0 if ascends(faces, h) else 1),
+                2 * (next_h // 3) + (1 if ascends(faces, next_h) else 0),
+            )
+        start = end
+    return _look_at_no_outside(vertices, faces, side, component, border)
+
+
+@kernel
+def _angles(
+    vertices: NDArray[np.float64], faces: NDArray[np.int32], around: NDArray[np.int32]
+) -> NDArray[np.float64]:
+    """Angle of each face around the edge that all share, from the first, seen along the edge."""
+    f, s = around[0] // 3, around[0] % 3
+    u, v = faces[f, s], faces[f, (s + 1) % 3]
+    origin = row(vertices, min(u, v))
+    axis = subtract(row(vertices, max(u, v)), origin)
+    x_axis = y_axis = (0.0, 0.0, 0.0)
+    angles = np.zeros(len(around))
+    for i in range(len(around)):
+        apex = row(vertices, faces[around[i] // 3, (around[i] % 3 + 2) % 3])
+        # Across the edge, at a right angle to it; y has the scale of the axis more than x.
+        across = cross(axis, subtract(apex, origin))
+        if i == 0:
+            y_axis = across
+            x_axis = cross(across, axis)
+        # `across` is the direction of the face turned by a right angle about the axis.
+        angles[i] = math.atan2(
+            -dot(across, x_axis), dot(across, y_axis) * math.sqrt(dot(axis, axis))
+        )
+    return angles
+
+
+@kernel
+def _look_at_no_outside(
+    vertices: NDArray[np.float64],
+    faces: NDArray[np.int32],
+    side: NDArray[np.int64],
+    component: NDArray[np.int64],
+    border: NDArray[np.bool_],
+) -> NDArray[np.bool_]:
+    """The outside of a component is, of the cells as long, wide and high as itself, the one that
+    spans the largest volume: inside is negative."""
+    volumes = np.zeros(len(side))
+    low, high = np.full((len(side), 3), np.inf), np.full((len(side), 3), -np.inf)
+    whole_low, whole_high = np.full((len(faces), 3), np.inf), np.full((len(faces), 3), -np.inf)
+    for f in range(len(faces)):
+        a, b, c = row(vertices, faces[f, 0]), row(vertices, faces[f, 1]), row(vertices, faces[f, 2])
+        volume = dot(a, cross(b, c))
+        part, front, back = (
+            find_root(component, f),
+            find_root(side, 2 * f),
+            find_root(side, 2 * f + 1),
+        )
+        volumes[front] += volume
+        volumes[back] -= volume
+        for k in range(3):
+            least, most = min(a[k], b[k], c[k]), max(a[k], b[k], c[k])
+            for cell in (front, back):
+                low[cell, k], high[cell, k] = min(low[cell, k], least), max(high[cell, k], most)
+            whole_low[part, k] = min(whole_low[part, k], least)
+            whole_high[part, k] = max(whole_high[part, k], most)
+    outside = np.full(len(faces), -1)
+    for i in range(len(side)):
+        cell, part = find_root(side, i), find_root(component, i // 2)
+        spans = (low[cell] == whole_low[part]).all() and (high[cell] == whole_high[part]).all()
+        if spans and (outside[part] < 0 or volumes[cell] > volumes[outside[part]]):
+            outside[part] = cell
+    leaks = np.zeros(len(faces), np.bool_)
+    walls = np.zeros(len(faces), np.bool_)
+    for f in range(len(faces)):
+        part = find_root(component, f)
+        front, back = find_root(side, 2 * f), find_root(side, 2 * f + 1)
+        leaks[part] |= border[f] or (front == outside[part] and back == outside[part])
+        walls[f] = front != outside[part] and back != outside[part]
+    for f in range(len(faces)):
+        walls[f] &= not leaks[find_root(component, f)]
+    return walls
+
+
+@kernel
+def join(parent: NDArray, a: int, b: int) -> None:
+    """Union-find: make one set of those of a and b, whose root is the least of its members."""
+    a, b = find_root(parent, a), find_root(parent, b)
+    parent[max(a, b)] = min(a, b)
+
+
+@kernel
+def find_root(parent: NDArray, node: int) -> int:
+    while parent[node] != node:
+        parent[node] = parent[parent[node]]
+        node = parent[node]
+    return node
