@@ -15,6 +15,7 @@ REPORT = MeshReport(
     vertices_merged=0,
     degenerate_dropped=0,
     duplicates_dropped=0,
+    walls_dropped=0,
     nonmanifold_edges=0,
     vertices_split=0,
     flipped=0,
