@@ -137,7 +137,7 @@ TETRAHEDRON = np.array([(1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)], float
 TETRAHEDRON_FACES = np.array([(0, 1, 2), (0, 3, 1), (0, 2, 3), (1, 3, 2)])
 
 
-def obj(vertices: NDArray[np.float64], faces: NDArray[np.int_]) -> bytes:
+def obj(vertices: NDArray[np.float64], faces: NDArray) -> bytes:
     text = io.StringIO()
     np.savetxt(text, vertices, "v %.9g %.9g %.9g")
     np.savetxt(text, faces + 1, "f %d %d %d")

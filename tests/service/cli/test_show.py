@@ -37,6 +37,8 @@ def test_the_manual_has_every_limit_with_its_default():
     units = {"MiB": 2**20}
     told = {}
     for name, default, _ in rows("limit | default | of"):
-        number, unit = re.fullmatch(r"([0-9 ]+?)(?: (MiB))?", default).groups()
+        matched = re.fullmatch(r"([0-9 ]+?)(?: (MiB))?", default)
+        assert matched
+        number, unit = matched.groups()
         told[name.strip("`")] = int(number.replace(" ", "")) * units.get(unit, 1)
     assert told == dataclasses.asdict(Limits())
