@@ -151,7 +151,7 @@ def test_specks_change_no_class(model: str, sample: str) -> None:
     mesh = load_mesh(sample_paths()[sample])
     alone = classifier.classify(obj(mesh.vertices, mesh.faces), "obj")
     low, high = mesh.vertices.min(0), mesh.vertices.max(0)
-    for count in (1, 10, 120):
+    for count in (1, 10):
         random = np.random.default_rng(0)
         centres = low + (high - low).max() * random.random((count, 3))
         specks = centres[:, None] + 0.002 * (high - low).max() * TETRAHEDRON

@@ -9,7 +9,7 @@ from meshconv3d.model.topology.geometry import face_areas
 # its area is less than this share of a mean face's at the budget, and all dust together is at most
 # DUST_SHARE of the surface.
 DUST = 0.25
-DUST_SHARE = 0.02
+DUST_SHARE = 0.01
 # A closed part has four faces at least, so that a budget has room for a quarter as many parts.
 LEAST_FACES = 4
 
