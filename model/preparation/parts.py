@@ -10,8 +10,8 @@ from meshconv3d.model.topology.geometry import face_areas
 # DUST_SHARE of the surface.
 DUST = 0.25
 DUST_SHARE = 0.01
-# A closed part has four faces at least, so that a budget has room for a quarter as many parts.
-LEAST_FACES = 4
+# Parts are many where a budget has less than two faces for each.
+LEAST_FACES = 2
 
 
 def keep_largest_parts(
