@@ -1,6 +1,6 @@
 """The meshes that are measured, as values and as files."""
 
-import io
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -25,8 +25,26 @@ def sample() -> Mesh:
     return load_mesh(sample_paths()[SAMPLE])
 
 
-def as_file(mesh: Mesh, extension: str) -> bytes:
-    """The bytes of a binary file: stl, ply or glb."""
-    file = io.BytesIO()
-    trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).export(file, file_type=extension)
-    return file.getvalue()
+# Every form in which a mesh can be written here, and how trimesh does; the last word of its name is
+# the extension.
+FORMS: dict[str, dict[str, Any]] = {
+    "obj": {},
+    "off": {},
+    "text stl": {"file_type": "stl_ascii"},
+    "stl": {},
+    "text ply": {"encoding": "ascii"},
+    "ply": {},
+    "gltf": {"embed_buffers": True},
+    "glb": {},
+    "3mf": {},
+}
+
+
+def as_file(mesh: Mesh, form: str) -> bytes:
+    """The bytes of a file in one of FORMS."""
+    options = {"file_type": form.split()[-1], **FORMS[form]}
+    shape = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+    content = shape.export(**options)
+    if isinstance(content, dict):  # a glTF file, with the pieces that it has not in itself: none
+        content = content["model.gltf"]
+    return content.encode() if isinstance(content, str) else content

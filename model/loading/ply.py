@@ -9,15 +9,15 @@ from numpy.typing import NDArray
 from meshconv3d.model.errors import MalformedFile
 from meshconv3d.model.loading.limits import Limits
 from meshconv3d.model.loading.records import (
-    Column,
     Element,
     Field,
+    Table,
     note_of_more,
     read_binary,
     read_text,
 )
 from meshconv3d.model.loading.text import plain_text, quoted
-from meshconv3d.model.loading.triangles import NotedTriangles, coordinates, indices, triangulate
+from meshconv3d.model.loading.triangles import NotedTriangles, triangulate
 
 _TYPES = {
     "char": "i1",
@@ -43,6 +43,7 @@ _WHOLE = {name for name, kind in _TYPES.items() if kind[0] != "f"}
 _ORDERS = {"ascii": None, "binary_little_endian": "<", "binary_big_endian": ">"}
 _COUNT = re.compile("[0-9]{1,18}")
 _LONGEST_HEADER = 2**18  # bytes
+_FACES = ("face", "tristrips")
 _CORNER_NAMES = ("vertex_indices", "vertex_index")
 
 
@@ -54,27 +55,24 @@ def read_ply(data: bytes, limits: Limits) -> NotedTriangles:
     elements = _elements(lines, order or "<")
     wanted = _wanted(elements)
     if order:
-        columns, place = read_binary(data, place, elements, wanted, limits)
+        tables, place = read_binary(data, place, elements, wanted, limits)
     else:
         data = plain_text(data[place:])
-        columns, place = read_text(data, 0, elements, wanted, limits)
-    vertices = np.stack([coordinates(columns["vertex"][axis].values) for axis in "xyz"], axis=1)
+        tables, place = read_text(data, 0, elements, wanted, limits)
+    vertices = tables["vertex"].numbers
     faces = [np.empty((0, 3), dtype=np.int64)]
-    for name, column in wanted.items():
-        if name != "vertex":
-            faces.append(_READERS[name](vertices, columns[name][column[0]], limits))
+    if "face" in wanted:
+        _, corners, counts = tables["face"]
+        faces.append(triangulate(vertices, corners, counts, limits))
+    if "tristrips" in wanted:
+        faces.append(_strips(tables["tristrips"], limits))
     return vertices, np.concatenate(faces), note_of_more(data, place)
 
 
-def _polygons(vertices: NDArray[np.float64], corners: Column, limits: Limits) -> NDArray[np.int64]:
-    return triangulate(vertices, corners.values, corners.counts, limits)
-
-
-def _strips(_: NDArray[np.float64], corners: Column, limits: Limits) -> NDArray[np.int64]:
+def _strips(table: Table, limits: Limits) -> NDArray[np.int64]:
     """The triangles of strips, in which every second is wound the other way, and -1 begins anew."""
-    limits.check("faces", len(corners.values))
-    strips = np.split(indices(corners.values), np.cumsum(corners.counts)[:-1])
-    strips = np.concatenate([np.append(strip, -1) for strip in strips])
+    limits.check("faces", len(table.items))
+    strips = np.insert(table.items, np.cumsum(table.counts), -1)
     step = np.arange(len(strips))
     began = np.maximum.accumulate(np.where(strips < 0, step + 1, 0))
     first = step[:-2]
@@ -133,7 +131,7 @@ def _elements(lines: list[list[str]], order: str) -> list[Element]:
 def _wanted(elements: list[Element]) -> dict[str, list[str]]:
     """The fields to read, by element. Raises MalformedFile where the header makes no sense."""
     names = [element.name for element in elements]
-    if names.count("vertex") != 1 or any(names.count(name) > 1 for name in _READERS):
+    if names.count("vertex") != 1 or any(names.count(name) > 1 for name in _FACES):
         raise MalformedFile("bad-header", "the header must declare vertices once, and faces once")
     vertex = elements[names.index("vertex")]
     numbers = [field.name for field in vertex.fields if field.count is None]
@@ -142,20 +140,20 @@ def _wanted(elements: list[Element]) -> dict[str, list[str]]:
         raise MalformedFile(
             "bad-header", f"the vertex element has no one property {', '.join(missing)}"
         )
-    faces = {element.name: [_corners(element)] for element in elements if element.name in _READERS}
+    faces = {element.name: [_corners(element)] for element in elements if element.name in _FACES}
     return {"vertex": list("xyz"), **faces}
 
 
 def _corners(face: Element) -> str:
     """The lists of vertex indices, by either of their names or as the only list there is."""
-    lists = [field.name for field in face.fields if field.count is not None]
+    lists = [
+        field.name for field in face.fields if field.count is not None and field.item.kind != "f"
+    ]
     known = [name for name in lists if name in _CORNER_NAMES] or lists
     if len(known) == 1:
         return known[0]
     raise MalformedFile(
         "bad-header",
-        f"the {face.name} element has no one list property {' or '.join(_CORNER_NAMES)}",
+        f"the {face.name} element has no one list property {' or '.join(_CORNER_NAMES)} of "
+        "whole numbers",
     )
-
-
-_READERS = {"face": _polygons, "tristrips": _strips}

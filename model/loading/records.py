@@ -1,12 +1,12 @@
-"""Elements of records, as in PLY and OFF: from bytes or from text to columns of numbers.
+"""Elements of records, as in PLY and OFF: from text or from bytes to arrays of numbers.
 
 An element is a count of records of the same fields, each a number or a list of numbers that is
 preceded by its length.
 """
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -28,11 +28,12 @@ from meshconv3d.model.loading.text import (
     quoted_line,
     word_end,
 )
+from meshconv3d.model.loading.triangles import coordinates
 
 _COUNTED = {"vertex": "vertices", "face": "faces"}
 _WHOLE = 2**53  # floats below are exact where they are whole
 
-# What a field is for a scan of text: these, or the column of a number that is kept.
+# What becomes of a field: one of these, or the column that its number fills.
 _SKIP, _SKIP_LIST, _KEEP_LIST = -1, -2, -3
 _OK, _CUT_OFF, _SHORT, _BAD_LENGTH, _BAD_INDEX = range(5)
 
@@ -41,17 +42,13 @@ _OK, _CUT_OFF, _SHORT, _BAD_LENGTH, _BAD_INDEX = range(5)
 class Field:
     """One field of a record: a number, or with `count` a list that is preceded by its length.
 
-    item, count: dtypes of the numbers and of the length, an integer; of no meaning in text.
+    item, count: dtypes of the numbers and of the length; of no meaning in text. Those of a length,
+    and of a list that is wanted, are integers.
     """
 
     name: str
     item: np.dtype
     count: np.dtype | None = None
-
-    @property
-    def least(self) -> int:
-        """The fewest bytes it takes."""
-        return self.item.itemsize if self.count is None else self.count.itemsize
 
 
 @dataclass(frozen=True)
@@ -63,16 +60,19 @@ class Element:
     fields: tuple[Field, ...]
 
 
-@dataclass(frozen=True)
-class Column:
-    """One field of all records: the numbers one after another, and how many each record has."""
+class Table(NamedTuple):
+    """What is wanted of an element.
 
-    values: NDArray
+    numbers: length x N, in the order in which they are wanted. items, counts: of the list that is
+    wanted, the items of all records one after another, sum(counts), and how many each has.
+    """
+
+    numbers: NDArray[np.float64]
+    items: NDArray[np.int64]
     counts: NDArray[np.int64]
 
 
-Columns = dict[str, dict[str, Column]]  # by the names of elements and fields
-Wanted = Mapping[str, Collection[str]]  # names of fields by that of the element
+Wanted = Mapping[str, Sequence[str]]  # by the name of an element, of numbers and one list at most
 
 
 def read_text(
@@ -83,189 +83,207 @@ def read_text(
     limits: Limits,
     *,
     comments: bool = False,
-) -> tuple[Columns, int]:
-    """The columns that are wanted of elements of numbers as text, and the place after them.
+) -> tuple[dict[str, Table], int]:
+    """What is wanted of elements of numbers as text, by their names, and the place after them.
 
     text: ends in a line feed; the elements begin at `place`.
-    wanted: for an element's name, names of its fields: numbers, and one list of whole numbers at
-        most. All other words may be anything.
     comments: whether # begins one.
 
     Each record has a line, in which further words are passed over; or else all words count, and
-    lines do not. The place is the end of the text where elements that are not wanted follow.
-    Raises MalformedFile; LimitExceeded when there are too many vertices, faces or triangles.
+    lines do not. What is not wanted may be any words. The place is the end of the text where
+    elements that are not wanted follow.
+
+    Raises MalformedFile; LimitExceeded when there are too many vertices or faces.
     """
-    fault = None
-    start = next_word(np.frombuffer(text, np.uint8), place, comments)
+    scanned = np.frombuffer(text, np.uint8)
+
+    def attempt(lines: bool) -> tuple[dict[str, Table], int]:
+        def read(place: int, element: Element, names: Sequence[str]) -> tuple[Table, int]:
+            return _read_words(text, place, element, names, limits, lines, comments)
+
+        tables, end = _read_in_turn(read, place, elements, wanted, len(text))
+        if not lines and next_word(scanned, end, comments) < len(text):
+            raise MalformedFile(
+                "bad-face",
+                "numbers are left over after the last face; write one vertex or face a line",
+            )
+        return tables, end
+
+    start = next_word(scanned, place, comments)
     line = text[start : text.find(b"\n", start)].split(maxsplit=3)
     fields = next((len(element.fields) for element in elements if element.length), 0)
-    if len(line) >= min(fields, 3):
-        try:
-            read = partial(_read_words, text, comments, limits, True)
-            return _read_in_turn(read, place, elements, wanted, len(text))
-        except MalformedFile as error:
-            fault = error
+    if len(line) < min(fields, 3):
+        return attempt(lines=False)
     try:
-        read = partial(_read_words, text, comments, limits, False)
-        columns, place = _read_in_turn(read, place, elements, wanted, len(text))
+        return attempt(lines=True)
     except MalformedFile as error:
-        raise (fault or error) from None
-    if next_word(np.frombuffer(text, np.uint8), place, comments) < len(text):
-        raise fault or MalformedFile(
-            "bad-face",
-            "numbers are left over after the last face; write one vertex or face a line",
-        )
-    return columns, place
+        try:
+            return attempt(lines=False)
+        except MalformedFile:
+            raise error from None
 
 
 def read_binary(
     data: bytes, place: int, elements: Sequence[Element], wanted: Wanted, limits: Limits
-) -> tuple[Columns, int]:
-    """The columns that are wanted of elements of bytes; see `read_text`.
+) -> tuple[dict[str, Table], int]:
+    """What is wanted of elements of bytes, and the place after them; see `read_text`."""
 
-    Raises MalformedFile; LimitExceeded when there are too many vertices, faces, triangles, or lists
-    that differ in length.
-    """
-    read = partial(_read_bytes, data, limits)
+    def read(place: int, element: Element, names: Sequence[str]) -> tuple[Table, int]:
+        return _read_bytes(data, place, element, names, limits)
+
     return _read_in_turn(read, place, elements, wanted, len(data))
 
 
 def note_of_more(data: bytes, place: int) -> str:
     """A note where more than padding follows the last record; else nothing."""
-    more = data[place:].strip(b"\0\x1a \t\r\n")
+    more = len(data[place:].strip(b"\0\x1a \t\r\n"))
     if not more:
         return ""
     return (
-        f"The file goes on for {len(more)} bytes after the records that its header declares: "
+        f"The file goes on for {more} bytes after the records that its header declares: "
         "they were not read."
     )
 
 
 def _read_in_turn(
-    read: Callable[[int, Element, Collection[str]], tuple[dict[str, Column], int]],
+    read: Callable[[int, Element, Sequence[str]], tuple[Table, int]],
     place: int,
     elements: Sequence[Element],
     wanted: Wanted,
     end: int,
-) -> tuple[Columns, int]:
-    columns: Columns = {}
+) -> tuple[dict[str, Table], int]:
+    tables: dict[str, Table] = {}
     for element in elements:
-        if wanted.keys() <= columns.keys():
-            return columns, end
-        columns[element.name], place = read(place, element, wanted.get(element.name, ()))
-    return columns, place
+        if wanted.keys() <= tables.keys():
+            return tables, end
+        names = wanted.get(element.name, ())
+        if element.length and element.fields:
+            tables[element.name], place = read(place, element, names)
+        else:
+            nothing = np.empty(0, dtype=np.int64)
+            tables[element.name] = Table(np.empty((0, len(names))), nothing, nothing)
+    return tables, place
 
 
 def _read_words(
     text: bytes,
-    comments: bool,
-    limits: Limits,
-    lines: bool,
     place: int,
     element: Element,
-    wanted: Collection[str],
-) -> tuple[dict[str, Column], int]:
+    wanted: Sequence[str],
+    limits: Limits,
+    lines: bool,
+    comments: bool,
+) -> tuple[Table, int]:
     """One element, and the place after it; `lines`: whether each record has a line of its own."""
     # A digit and white space for each field.
     _check_length(element, limits, 2 * len(element.fields), len(text) - place + 1)
     fields = list(element.fields)
     while lines and fields and fields[-1].name not in wanted:
         fields.pop()
-    kinds = np.empty(len(fields), dtype=np.int64)
-    names: list[str] = []
-    for index, field in enumerate(fields):
-        kept = field.name in wanted
-        if field.count is not None:
-            kinds[index] = _KEEP_LIST if kept else _SKIP_LIST
-        else:
-            kinds[index] = len(names) if kept else _SKIP
-            names += [field.name] * kept
-    records = element.length if element.fields else 0
-    keeps_list = (kinds == _KEEP_LIST).any()
-    values, counts = np.empty((records, len(names))), np.empty(records * keeps_list, np.int64)
-    items = np.empty((len(text) - place) // 2 * keeps_list, np.int64)  # as many as there can be
-    ended, place, item = _scan(
-        np.frombuffer(text, np.uint8), place, kinds, lines, comments, records, values, counts, items
-    )
+    kinds = _kinds(fields, wanted)
+    table = _empty(element.length, kinds, (len(text) - place) // 2)
+    scanned = np.frombuffer(text, np.uint8)
+    ended, place, items = _scan_words(scanned, place, kinds, lines, comments, *table)
+    if ended in (_BAD_LENGTH, _BAD_INDEX):
+        parsed(text, place)  # raises where the word is no number at all
     if ended != _OK:
-        raise _word_error(ended, text, place, element)
-    convert(text, values)
-    ones = np.ones(len(values), dtype=np.int64)
-    columns = {name: Column(values[:, index], ones) for index, name in enumerate(names)}
-    for field, kind in zip(fields, kinds, strict=True):
-        if kind == _KEEP_LIST:
-            columns[field.name] = Column(items[:item], counts)
-    return columns, place
+        line = quoted_line(text, min(place, len(text) - 1))
+        raise _error(ended, element, f", in the line {line}")
+    convert(text, table.numbers)
+    return table._replace(items=table.items[:items]), place
 
 
 def _read_bytes(
-    data: bytes, limits: Limits, place: int, element: Element, wanted: Collection[str]
-) -> tuple[dict[str, Column], int]:
-    """One element, and the byte after it."""
-    least = sum(field.least for field in element.fields)
+    data: bytes, place: int, element: Element, wanted: Sequence[str], limits: Limits
+) -> tuple[Table, int]:
+    """One element, and the place after it."""
+    fields, kinds = element.fields, _kinds(element.fields, wanted)
+    least = sum((field.count or field.item).itemsize for field in fields)
     _check_length(element, limits, least, len(data) - place)
-    if element.length * least == 0:
-        nothing = np.empty(0, dtype=np.int64)
-        return {field.name: Column(nothing, nothing) for field in element.fields}, place
-    return _read_uniform(data, place, element, wanted) or _read_ragged(
-        data, place, element, wanted, limits
+    table = _empty(element.length, kinds, len(data) - place)
+    columns = [(int(kind), fields[index], index) for index, kind in enumerate(kinds) if kind >= 0]
+    if (kinds >= _SKIP).all():
+        layout = np.dtype([(str(index), field.item) for index, field in enumerate(fields)])
+        records = np.frombuffer(data, layout, element.length, place)
+        for column, _, index in columns:
+            table.numbers[:, column] = coordinates(records[str(index)])
+        return table, place + least * element.length
+    steps = [
+        (kind, *_integer(field.count or field.item), *_integer(field.item))
+        for field, kind in zip(fields, kinds, strict=True)
+    ]
+    raw, big = np.frombuffer(data, np.uint8), any(field.item.str[0] == ">" for field in fields)
+    places = np.empty(table.numbers.shape, dtype=np.int64)
+    ended, place, items = _scan_bytes(
+        raw, place, np.array(steps), big, places, table.items, table.counts, element.length
     )
+    if ended != _OK:
+        raise _error(ended, element, "")
+    for column, field, _ in columns:
+        found = sliding_window_view(raw, field.item.itemsize)[places[:, column]]
+        table.numbers[:, column] = coordinates(found.view(field.item)[:, 0])
+    return table._replace(items=table.items[:items]), place
+
+
+def _kinds(fields: Sequence[Field], wanted: Sequence[str]) -> NDArray[np.int64]:
+    """What becomes of each field: the column of its number, _SKIP, _SKIP_LIST or _KEEP_LIST."""
+    kinds = [
+        (_KEEP_LIST if field.name in wanted else _SKIP_LIST)
+        if field.count is not None
+        else (wanted.index(field.name) if field.name in wanted else _SKIP)
+        for field in fields
+    ]
+    return np.array(kinds, dtype=np.int64)
+
+
+def _integer(dtype: np.dtype) -> tuple[int, int]:
+    """Bytes of an integer, and whether it has a sign."""
+    return dtype.itemsize, int(dtype.kind == "i")
+
+
+def _empty(records: int, kinds: NDArray[np.int64], most_items: int) -> Table:
+    """A table to fill in. What of it stays empty takes no memory."""
+    keeps = int((kinds == _KEEP_LIST).any())
+    items, counts = np.empty(keeps * most_items, np.int64), np.empty(keeps * records, np.int64)
+    return Table(np.empty((records, np.count_nonzero(kinds >= 0))), items, counts)
 
 
 def _check_length(element: Element, limits: Limits, least: int, there: int) -> None:
-    """Raises MalformedFile where records of `least` bytes cannot be there."""
+    """Raises MalformedFile where records of `least` bytes cannot be there, and LimitExceeded."""
     if least * element.length > there:
-        raise _cut_off(element)
+        raise _error(_CUT_OFF, element, "")
     if element.name in _COUNTED:
         limits.check(_COUNTED[element.name], element.length)
 
 
-def _word_error(ended: int, text: bytes, place: int, element: Element) -> MalformedFile:
-    """The error for the end that a scan of text came to."""
+def _error(ended: int, element: Element, where: str) -> MalformedFile:
+    """The error for the end that a scan came to."""
+    name = quoted(element.name)
     if ended == _CUT_OFF:
-        return _cut_off(element)
-    if ended == _SHORT:
         return MalformedFile(
-            f"bad-{element.name}" if element.name in _COUNTED else "bad-record",
-            f"the line {quoted_line(text, place)} has fewer numbers than each record of "
-            f"{quoted(element.name)} has",
+            "truncated",
+            f"the file declares {element.length} {name} records, but ends before the last; "
+            "it is cut off, export or upload it again",
         )
-    found = parsed(text, place)
-    if ended == _BAD_LENGTH:
-        return _bad_length(found, element)
-    return MalformedFile(
-        "bad-index",
-        f"a face names its vertices by whole numbers, unlike the line {quoted_line(text, place)}",
-    )
-
-
-def _bad_length(length: float, element: Element) -> MalformedFile:
-    return MalformedFile(
-        "bad-face",
-        f"a list in the {quoted(element.name)} records declares {length} entries; "
-        "the file is damaged",
-    )
-
-
-def _cut_off(element: Element) -> MalformedFile:
-    return MalformedFile(
-        "truncated",
-        f"the file declares {element.length} {quoted(element.name)} records, "
-        "but ends before the last; it is cut off, export or upload it again",
-    )
+    fault, what = {
+        _SHORT: (
+            f"bad-{element.name}" if element.name in _COUNTED else "bad-record",
+            f"a {name} record has fewer numbers than it must have",
+        ),
+        _BAD_LENGTH: ("bad-face", f"a list in the {name} records has a length that cannot be"),
+        _BAD_INDEX: ("bad-index", "a face names its vertices by something else than whole numbers"),
+    }[ended]
+    return MalformedFile(fault, f"{what}{where}; the file is damaged, export it again")
 
 
 @kernel
-def _scan(text, place, kinds, lines, comments, records, values, counts, items):
-    """Fill in the records of `read_text`, up to the first that is wrong.
+def _scan_words(text, place, kinds, lines, comments, numbers, items, counts):
+    """Fill in the table of an element of `read_text`, up to the first record that is wrong.
 
-    kinds: of each field, the column of a number, or _SKIP, _SKIP_LIST, _KEEP_LIST.
-    values: records x columns. counts, items: lengths and items of the list that is kept.
-
-    Returns how the scan ended, where, and the number of items.
+    kinds: what becomes of each field. Returns how the scan ended, where, and the number of items.
     """
     item = 0
-    for record in range(records):
+    for record in range(len(numbers)):
         place = next_word(text, place, comments)
         for kind in kinds:
             words, length = 1, kind <= _SKIP_LIST  # left of the field; whether a length comes first
@@ -284,7 +302,7 @@ def _scan(text, place, kinds, lines, comments, records, values, counts, items):
                     continue
                 value, end = number(text, place)
                 if kind >= 0:
-                    values[record, kind] = value
+                    numbers[record, kind] = value
                     words -= 1
                 elif not abs(value) < _WHOLE or value != np.trunc(value) or (length and value < 0):
                     return _BAD_LENGTH if length else _BAD_INDEX, place, item
@@ -302,125 +320,44 @@ def _scan(text, place, kinds, lines, comments, records, values, counts, items):
     return _OK, place, item
 
 
-def _read_uniform(
-    data: bytes, start: int, element: Element, wanted: Collection[str]
-) -> tuple[dict[str, Column], int] | None:
-    """All records at once, where every list is as long as in the first record; else None."""
-    layout: list[tuple] = []
-    lengths: list[int] = []
-    position = start
-    for index, field in enumerate(element.fields):
-        length = 1
-        if field.count is not None:
-            if position + field.count.itemsize > len(data):
-                raise _cut_off(element)
-            length = int(np.frombuffer(data, dtype=field.count, count=1, offset=position)[0])
-            if length < 0:
-                raise _bad_length(length, element)
-            layout.append((f"count{index}", field.count))
-            position += field.count.itemsize
-        position += field.item.itemsize * length
-        if position > len(data):
-            raise _cut_off(element)
-        layout.append((f"item{index}", field.item, (length,)))
-        lengths.append(length)
-    record = np.dtype(layout)
-    end = start + element.length * record.itemsize
-    if end > len(data):
-        return None
-    table = np.frombuffer(data, dtype=record, count=element.length, offset=start)
-    columns: dict[str, Column] = {}
-    for index, (field, length) in enumerate(zip(element.fields, lengths, strict=True)):
-        if field.count is not None and (table[f"count{index}"] != length).any():
-            return None
-        if field.name in wanted:
-            counts = np.full(element.length, length)
-            columns[field.name] = Column(table[f"item{index}"].reshape(-1), counts)
-    return columns, end
+@kernel
+def _scan_bytes(data, place, steps, big, places, items, counts, length):
+    """The same of an element of bytes that has lists; `places`: of the numbers, length x N.
 
-
-def _read_ragged(
-    data: bytes, start: int, element: Element, wanted: Collection[str], limits: Limits
-) -> tuple[dict[str, Column], int]:
-    """Records whose lists differ in length: how long each is, and from that where fields lie."""
-    lists = [field for field in element.fields if field.count is not None]
-    found = (
-        f"the file has {element.length * len(lists)} lists in its {quoted(element.name)} records"
-    )
-    limits.check("faces", element.length * len(lists), found)
-    steps = np.zeros((len(lists), 4), dtype=np.int64)
-    gap, number = 0, 0  # bytes of the numbers since the last list
-    for field in element.fields:
-        if field.count is None:
-            gap += field.item.itemsize
-            continue
-        signed = np.issubdtype(field.count, np.signedinteger)
-        steps[number] = gap, field.count.itemsize, signed, field.item.itemsize
-        gap, number = 0, number + 1
-    big = any(field.count.str.startswith(">") for field in lists if field.count)
-    raw = np.frombuffer(data, dtype=np.uint8)
-    lengths, end, ended = _list_lengths(raw, start, element.length, steps, gap, big)
-    if ended == _CUT_OFF:
-        raise _cut_off(element)
-    if ended == _BAD_LENGTH:
-        raise _bad_length(-1, element)
-    least = sum(field.least for field in element.fields)
-    records = least + lengths @ steps[:, 3]
-    place = start + np.cumsum(records) - records  # of one field, in each record
-    columns: dict[str, Column] = {}
-    number = 0
-    for field in element.fields:
-        counts = np.ones(element.length, dtype=np.int64)
-        if field.count is not None:
-            counts = lengths[:, number]
-            number += 1
-            place = place + field.count.itemsize
-        if field.name in wanted:
-            # A list that is wanted is a polygon.
-            limits.check("faces", int(np.maximum(counts - 2, 0).sum()))
-            columns[field.name] = Column(_gather(raw, place, counts, field.item), counts)
-        place = place + counts * field.item.itemsize
-    return columns, end
+    steps: of each field what becomes of it, then bytes and sign of its length, and of its items.
+    big: whether numbers are big-endian.
+    """
+    item = 0
+    for record in range(length):
+        for kind, width, signed, size, negative in steps:
+            entries = 1
+            if kind <= _SKIP_LIST:
+                if place + width > len(data):
+                    return _CUT_OFF, place, item
+                entries = _whole(data, place, width, signed, big)
+                place += width
+            if entries < 0:
+                return _BAD_LENGTH, place, item
+            if entries > (len(data) - place) // size:
+                return _CUT_OFF, place, item
+            if kind >= 0:
+                places[record, kind] = place
+            elif kind == _KEEP_LIST:
+                counts[record] = entries
+                for entry in range(entries):
+                    items[item + entry] = _whole(data, place + entry * size, size, negative, big)
+                item += entries
+            place += entries * size
+    return _OK, place, item
 
 
 @kernel
-def _list_lengths(data, place, length, steps, gap, big):
-    """The length of each list (records x lists), the byte after the last record, and the fault.
-
-    steps: of each list, bytes before it, of its length, whether that has a sign, bytes of an item.
-    gap: bytes after the last list. big: whether lengths are big-endian.
-    """
-    lengths = np.zeros((length, len(steps)), np.int64)
-    for record in range(length):
-        for column in range(len(steps)):
-            before, width, signed, size = steps[column]
-            place += before
-            if place + width > len(data):
-                return lengths, place, _CUT_OFF
-            entries = np.uint64(0)
-            for byte in range(width):
-                digit = data[place + (byte if big else width - 1 - byte)]
-                entries = (entries << np.uint64(8)) | np.uint64(digit)
-            if signed and entries >> np.uint64(8 * width - 1):
-                return lengths, place, _BAD_LENGTH
-            place += width
-            if entries > np.uint64(len(data) - place):
-                return lengths, place, _CUT_OFF
-            lengths[record, column] = entries
-            place += np.int64(entries) * size
-        place += gap
-        if place > len(data):
-            return lengths, place, _CUT_OFF
-    return lengths, place, _OK
-
-
-def _gather(
-    raw: NDArray[np.uint8], where: NDArray[np.int64], counts: NDArray[np.int64], item: np.dtype
-) -> NDArray:
-    """The numbers that lie at `where`, counts[i] of them each, one after another."""
-    before = np.cumsum(counts) - counts
-    places = np.repeat(where - before * item.itemsize, counts)
-    places += np.arange(counts.sum()) * item.itemsize
-    if not len(places):
-        return np.empty(0, dtype=item)
-    return sliding_window_view(raw, item.itemsize)[places].view(item).reshape(-1)
+def _whole(data, place, width, signed, big):
+    """The integer at a place, of so many bytes."""
+    value = np.uint64(0)
+    for byte in range(width):
+        value = (value << np.uint64(8)) | data[place + (byte if big else width - 1 - byte)]
+    if not signed or width == 8:
+        return np.int64(value)
+    top = np.int64(1) << (8 * width - 1)
+    return (np.int64(value) ^ top) - top

@@ -112,8 +112,8 @@ def _read_ascii(text: bytes, limits: Limits) -> Triangles:
 def _scan(text, vertices):
     """Fill in the vertices of all facets, up to the first that is wrong.
 
-    White space is free, and names of solids are any words: outside of a facet, nothing counts but
-    the words that begin one, and the end of the solid.
+    White space is free, and the name of a solid is any words: outside of a facet, only the two
+    words that begin one and the end of the solid count.
 
     vertices: as many rows as the text has words `vertex`, or more.
 
@@ -129,7 +129,7 @@ def _scan(text, vertices):
             closes, ends = _is(text, after, b"facet"), _is(text, after, b"solid")
             after = next_word(text, word_end(text, after), False)
         opens = _is(text, place, b"facet") and (
-            _is(text, after, b"normal") or _is(text, after, b"outer")
+            _is(text, after, b"normal") or _is(text, after, b"outer") or _is(text, after, b"vertex")
         )
         if opens or closes or ends:
             if vertex != 3 * facets:

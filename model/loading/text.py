@@ -1,9 +1,9 @@
-"""Text as bytes, and the numbers in it, which compiled code reads.
+"""Text as bytes, and kernels that read the numbers in it.
 
-A text that is scanned ends in a line feed, so that no kernel runs past its end. Words are what
-white space separates. `number` converts decimals of up to 19 digits. What else there is (longer
-ones, `nan`, words that are no number) it leaves to `convert`, which asks Python's `float`: each
-number has the value that this gives it.
+A text that is scanned ends in a line feed, so that no kernel runs past its end. White space
+separates words. `number` converts decimals of up to 19 digits. It leaves all other words (longer
+numbers, `nan`, words that are no number) to `convert`, which calls Python's `float`, so that every
+number has the value that `float` gives it.
 """
 
 import re
@@ -66,7 +66,7 @@ def plain_text(data: bytes) -> bytes:
 
 
 def quoted(content: object) -> str:
-    """Something of a file as it stands in a message, shortened."""
+    """Content of a file for a message: quoted and shortened."""
     if isinstance(content, bytes):
         content = content[: _SHOWN + 1].decode("latin-1")
     shown = repr(content[: _SHOWN + 1] if isinstance(content, str) else content)
@@ -74,13 +74,13 @@ def quoted(content: object) -> str:
 
 
 def quoted_line(text: bytes, place: int) -> str:
-    """The line that a place lies in, as it stands in a message."""
+    """The line around a place for a message: quoted and shortened."""
     start = text.rfind(b"\n", 0, place) + 1
     return quoted(text[start : text.index(b"\n", place)].strip())
 
 
 def convert(text: bytes, numbers: NDArray[np.float64]) -> None:
-    """Set those that `number` left out. Raises MalformedFile when one is no number."""
+    """Fill in the numbers that `number` left out. Raises MalformedFile where one is none."""
     flat = numbers.reshape(-1)
     (left,) = np.nonzero(np.isnan(flat))
     places = flat[left].view(np.int64) & _PLACE
@@ -88,7 +88,7 @@ def convert(text: bytes, numbers: NDArray[np.float64]) -> None:
 
 
 def parsed(text: bytes, place: int) -> float:
-    """The number at a place. Raises MalformedFile when the word there is none."""
+    """The number at a place, by Python's `float`. Raises MalformedFile where there is none."""
     found = _WORD.match(text, place)
     word = found[0] if found else b""
     try:

@@ -8,7 +8,7 @@ from types import TracebackType
 
 import meshconv3d.service.workers.tasks  # noqa: F401 (loading it is the purpose)
 from meshconv3d.model.config import NetworkConfig
-from meshconv3d.model.loading import load_mesh
+from meshconv3d.model.loading import load_mesh, warm_up
 from meshconv3d.model.preparation import prepare
 from meshconv3d.model.samples import sample_paths
 from meshconv3d.model.topology.inputs import mesh_inputs
@@ -27,6 +27,7 @@ def _excepthook(kind: type[BaseException], error: BaseException, trace: Tracebac
 
 sys.excepthook = _excepthook
 
+warm_up()
 # Between them, the samples take every path: all formats, too many faces and too few.
 _config = NetworkConfig(classes=("this", "that"))
 for _path in sample_paths().values():

@@ -299,7 +299,11 @@ def test_ascii_stl_of_several_solids():
 @pytest.mark.parametrize("name", ["", "box of 3", "caf\xe9"])
 def test_ascii_stl_in_free_form(name, blank):
     data = build.stl_ascii(name)
-    for free in (blank.join(data.split()), data.replace(b"normal 0 0 0\n", b"\n")):
+    for free in (
+        blank.join(data.split()),
+        data.replace(b"normal 0 0 0\n", b"\n"),
+        data.replace(b"normal 0 0 0\n  outer loop", b""),
+    ):
         assert build.is_box(load_mesh(free, "stl"))
         assert build.is_box(load_mesh(free.replace(b"endfacet", b"end facet") + b" 7", "stl"))
 
