@@ -200,7 +200,10 @@ def _read_bytes(
     fields, kinds = element.fields, _kinds(element.fields, wanted)
     least = sum((field.count or field.item).itemsize for field in fields)
     _check_length(element, limits, least, len(data) - place)
-    table = _empty(element.length, kinds, len(data) - place)
+    kept = [
+        field.item.itemsize for field, kind in zip(fields, kinds, strict=True) if kind < _SKIP_LIST
+    ]
+    table = _empty(element.length, kinds, (len(data) - place) // max(kept, default=1))
     columns = [(int(kind), fields[index], index) for index, kind in enumerate(kinds) if kind >= 0]
     if (kinds >= _SKIP).all():
         layout = np.dtype([(str(index), field.item) for index, field in enumerate(fields)])
