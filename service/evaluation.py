@@ -21,7 +21,7 @@ DIGITS = 6
 
 
 class DataId(BaseModel):
-    """Which files were classified: one part of a labelled folder."""
+    """Data set of an evaluation: one part of a labelled folder."""
 
     folder: str = Field(description="as given")
     split_file: str | None = Field(description="as given, if any")
@@ -61,7 +61,7 @@ class ClassFigures(BaseModel):
 
 
 class Report(BaseModel):
-    """How good a model is. Refused files count as wrong in each accuracy.
+    """Figures of an evaluation. Refused files count as wrong in each accuracy.
 
     top5_accuracy is null for a model of five classes or fewer, and what is measured on answers is
     null if there are none. balanced_accuracy: mean recall of the classes that have files.

@@ -23,7 +23,7 @@ def errors_naming(path: str | Path) -> Iterator[None]:
 def open_to_append(path: Path) -> BinaryIO:
     """A file that is made, or added to. Raises OSError, also for a link and for what is no file.
 
-    Who may write to a folder could place a link there, to have another file written to.
+    Another user of the folder could place a link there, to have another file written to.
     """
     if path.is_symlink():
         raise OSError(errno.ELOOP, "it is a link; name the file that it leads to", str(path))

@@ -1,7 +1,7 @@
-"""Attribution: why a mesh has its score, shown on the mesh as uploaded.
+"""Attribution: the score of a class, distributed over the faces of the mesh as uploaded.
 
-`explanation` finds what each face adds, `colours` makes colours of that, `legend` says what both
-mean, and `meshes` writes the mesh as GLB or PLY.
+`explanation` finds the contribution of each face, `colours` maps contributions to colours, `legend`
+describes both, and `meshes` writes the coloured mesh as GLB or PLY.
 """
 
 from collections.abc import Callable

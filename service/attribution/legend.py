@@ -9,7 +9,7 @@ from meshconv3d.service.records import Answer, answer
 
 
 class Legend(BaseModel):
-    """Which class the colours of a mesh explain, and what they stand for."""
+    """Meaning of the colours of a mesh, for one class."""
 
     file: str | None
     class_: str = Field(serialization_alias="class", examples=["snake"])
@@ -25,7 +25,7 @@ class Legend(BaseModel):
 
 
 class Evidence(Legend):
-    """What each face of the file says of a class, in the order of its triangles."""
+    """Contribution of each face of the file to one class, in the order of its triangles."""
 
     contributions: list[float] = Field(description="what each face adds to the score")
     densities: list[float] = Field(

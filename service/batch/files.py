@@ -55,7 +55,11 @@ class File:
     def pieces(self, content: bytes) -> dict[str, bytes]:
         """The files beside it that its content refers to, by their paths relative to it. Raises
         MeshError and OSError."""
-        ...
+        return {}
+
+    def shared(self) -> "File":
+        """The same for other machines, which have another current folder."""
+        return self
 
 
 class StandardInput(File):
@@ -63,9 +67,6 @@ class StandardInput(File):
 
     def read(self) -> bytes:
         return sys.stdin.buffer.read()
-
-    def pieces(self, content: bytes) -> dict[str, bytes]:
-        return {}
 
 
 @dataclass(frozen=True)
@@ -84,7 +85,6 @@ class LocalFile(File):
         )
 
     def shared(self) -> "LocalFile":
-        """For other machines, which have the same path but another current folder."""
         return replace(self, path=os.path.join(os.getcwd(), self.path), host=socket.gethostname())
 
     def size(self) -> int:
@@ -162,29 +162,14 @@ class RemoteFile(File):
 
 
 @dataclass(frozen=True)
-class ArchivedFile:
+class ArchivedFile(File):
     """A mesh file in a ZIP archive. archive: a file itself; member: its path in there."""
 
     archive: File
     member: str
 
-    @property
-    def name(self) -> str:
-        return f"{self.archive.name}/{readable(self.member)}"
-
-    @property
-    def below(self) -> str:
-        return f"{self.archive.below}/{readable(self.member)}"
-
-    @property
-    def declared(self) -> str | None:
-        return os.path.splitext(self.member)[1]
-
     def shared(self) -> "ArchivedFile":
-        """See `LocalFile.shared`."""
-        if isinstance(self.archive, LocalFile):
-            return replace(self, archive=self.archive.shared())
-        return self
+        return replace(self, archive=self.archive.shared())
 
     def size(self) -> int:
         try:
@@ -193,15 +178,20 @@ class ArchivedFile:
             return 0  # reading it says why
 
     def read(self) -> bytes:
+        """Raises MeshError and OSError."""
         return opened(self.archive).read(self.member)
 
     def pieces(self, content: bytes) -> dict[str, bytes]:
         return opened(self.archive).pieces(self.member, content)
 
 
-def members(file: File) -> list[ArchivedFile]:
+def members(archive: File) -> list[File]:
     """The mesh files in a ZIP archive. Raises MeshError and OSError."""
-    return [ArchivedFile(file, name) for name in opened(file).names]
+    found: list[File] = []
+    for member in opened(archive).names:
+        name, below = (f"{path}/{readable(member)}" for path in (archive.name, archive.below))
+        found.append(ArchivedFile(name, below, os.path.splitext(member)[1], archive, member))
+    return found
 
 
 def opened(archive: File) -> MeshArchive:
@@ -304,7 +294,7 @@ def _walk_remote(folder: str) -> Iterator[RemoteFile]:
 
 
 def _listed(fs: Any, folder: str) -> Iterator[dict[str, Any]]:
-    """What fsspec knows of each file and folder in a folder, but of hidden ones, sorted."""
+    """The files and folders in a folder but hidden ones, as fsspec describes them, sorted."""
     found = {info["name"].rstrip("/"): info for info in fs.ls(folder, detail=True)}
     fs.invalidate_cache(folder)  # which would grow with every folder
     found.pop(folder.rstrip("/"), None)  # an object store may have an object in place of a folder

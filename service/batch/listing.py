@@ -1,9 +1,10 @@
-"""Files to classify: walked one by one, in the same order each time, never held in memory."""
+"""Listing of the files to classify: one by one, in the same order each time, never all at once."""
 
 import hashlib
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from itertools import islice
@@ -28,13 +29,13 @@ WILDCARDS = frozenset("*?[")
 
 
 class NotListed(ValueError):
-    """There is nothing to classify where it was said to be; the message says what to do."""
+    """Error of a path without files to classify; the message says what to do."""
 
 
 @dataclass(frozen=True)
 class Shard:
-    """Part `number`, from 1, of `count`. Which files are of it follows from their paths alone, so
-    that several machines can share them out."""
+    """Part `number`, from 1, of `count`. It depends on the paths of files alone, so that several
+    machines can share the files without talking."""
 
     number: int
     count: int
@@ -55,8 +56,7 @@ class Shard:
 
 @dataclass(frozen=True)
 class Choice:
-    """Which of the files that are found are classified. One that was named is, whatever its name,
-    if it is of the shard.
+    """Selection among the files of folders; of files that were named, only the shard selects.
 
     include, exclude: patterns; with none to include, all are. shard: None for all.
     """
@@ -66,7 +66,7 @@ class Choice:
     shard: Shard | None = None
 
     def fits(self, file: File) -> bool:
-        """Whether the patterns let a file in that was found."""
+        """Whether the patterns select a file of a folder."""
         wanted = not self.include or any(matches(file.below, one) for one in self.include)
         return wanted and not any(matches(file.below, one) for one in self.exclude)
 
@@ -77,8 +77,8 @@ class Choice:
 
 @dataclass(frozen=True)
 class Place:
-    """What one PATH names. find: walks it anew. root: the folder that is searched; None for one
-    file. pattern: what paths below it fit."""
+    """Files behind one PATH. find: lists them anew. root: the folder that is searched; None for one
+    file. pattern: fits their paths below it."""
 
     path: str
     find: Callable[[], Iterable[File]]
@@ -86,8 +86,7 @@ class Place:
     pattern: str = "**"
 
     def may_find(self, folder: Path, depth: int) -> bool:
-        """Whether a file of some name is found if it comes to lie in a folder of this machine, or
-        as many folders below it as make `depth` names with its own."""
+        """Whether a new file, `depth` names below a folder of this machine, could be found."""
         if self.root is None or is_url(self.root):
             return False
         folder, root = folder.resolve(), Path(self.root).resolve()
@@ -139,20 +138,17 @@ class Listing:
 
 
 def _unpacked(place: Place) -> Iterator[File]:
-    """The files of a place, with those in archives in place of these.
+    """The files of a place, with the members of archives in place of the archives.
 
     An archive that cannot be read stays itself, so that its result says why, and one that was named
     and holds no mesh.
     """
     for file in place.find():
-        try:
-            found = members(file) if extension(file.below) == ARCHIVE else []
-        except (MeshError, OSError):
-            yield file
-            continue
+        found = [file]
+        if extension(file.below) == ARCHIVE:
+            with suppress(MeshError, OSError):
+                found = members(file) or ([] if place.root else found)
         yield from found
-        if not found and (place.root is None or extension(file.below) != ARCHIVE):
-            yield file
 
 
 def told(others: Counter[str]) -> str:
@@ -173,7 +169,7 @@ def matches(path: str, pattern: str) -> bool:
 
 
 def _match(parts: Sequence[str | None], patterns: Sequence[str]) -> bool:
-    """Whether patterns fit a path in its parts, with some name in place of each that is None."""
+    """Whether patterns fit the parts of a path; None is a part that may have any name."""
     if not patterns:
         return not parts
     if patterns[0] == "**":
@@ -204,11 +200,9 @@ def _place(path: str, declared: str | None) -> Place:
 def _archived(path: str) -> File | None:
     """The mesh file that is named as one in a ZIP archive, by ARCHIVE/FILE."""
     found = re.fullmatch(r"(.*?\.zip)/(.+)", path, re.IGNORECASE | re.DOTALL)
-    try:
+    with suppress(MeshError, OSError):
         if found and is_folder(found[1]) is False:
             return next((file for file in members(file_at(found[1])) if file.name == path), None)
-    except (MeshError, OSError):
-        pass
     return None
 
 

@@ -49,7 +49,7 @@ CSV_COLUMNS = (
 
 
 class Output:
-    """Where the records of a batch go: a path or a URL that ends with one of FORMS.
+    """Output file of a batch: a path or a URL that ends with one of FORMS.
 
     tally: counts of what earlier runs have left, and of what is added.
     """

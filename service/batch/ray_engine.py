@@ -21,7 +21,7 @@ import ray.data
 from ray.data.block import Block
 from ray.exceptions import RayError
 
-from meshconv3d.service.batch.files import ArchivedFile, File, LocalFile
+from meshconv3d.service.batch.files import File
 from meshconv3d.service.batch.running import (
     DoneAs,
     Executor,
@@ -134,10 +134,7 @@ def _unpacked(block: Block) -> list[Any]:
 def _blocks(files: Iterable[File], done_as: DoneAs) -> Iterator[Block]:
     rest = iter(files)
     while some := list(islice(rest, BLOCK)):
-        shared = (
-            file.shared() if isinstance(file, LocalFile | ArchivedFile) else file for file in some
-        )
-        yield _packed((file, done_as(file.name)) for file in shared)
+        yield _packed((file.shared(), done_as(file.name)) for file in some)
 
 
 def _connect(address: str, workers: int | None) -> None:

@@ -86,7 +86,7 @@ class Fault:
 
 
 class Report:
-    """What a batch came to, taken one record after the other.
+    """Counts and examples of a batch, collected one record after the other.
 
     Holds the counts of all files, up to `most_shown` classified ones with their pictures,
     MOST_NAMED refused ones for each fault, and the SLOWEST: some 20 MB, however many there are.

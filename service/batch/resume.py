@@ -1,4 +1,4 @@
-"""Journals: records are kept in one as they come, so that a run can go on however it ended.
+"""Journals: every record is kept in one at once, so that a run can go on however it ended.
 
 A journal is JSON Lines: of this machine one file, behind a URL a folder of parts.
 """

@@ -100,7 +100,7 @@ class Tally:
 
 
 def run_id(model_sha256: str, top: int | None, limits: Limits) -> str:
-    """What a record depends on beside the file, as 16 hexadecimal digits."""
+    """Hash of everything that a record depends on beside the file: 16 hexadecimal digits."""
     parts = {"model": model_sha256, "top": top, "limits": asdict(limits)}
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:16]
 

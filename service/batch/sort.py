@@ -1,4 +1,4 @@
-"""Files sorted into folders by what they are: DIR/CLASS, DIR/unknown, DIR/refused/FAULT.
+"""Sorting of files into folders by their results: DIR/CLASS, DIR/unknown, DIR/refused/FAULT.
 
 Where a file goes follows from its own name and record alone. So any number of processes may sort
 into one folder, and a run that starts again finds its own links.
@@ -71,8 +71,7 @@ class SortedFolder:
         return place
 
     def _forget_refusals(self, name: str, kept: tuple[str, ...]) -> None:
-        """Remove a file from the other folders of refusals: an earlier run may have refused it for
-        what passes."""
+        """Remove a file from the other folders of refusals: an earlier run may have refused it."""
         absent = suppress(FileNotFoundError, NotADirectoryError)
         with absent, _opened(self.folder, (REFUSED,), make=False) as refused:
             for fault in os.listdir(refused):

@@ -37,6 +37,9 @@ EXTRAS = {
     **dict.fromkeys(("torch", "onnx", "onnxscript", "safetensors", "matplotlib"), "train"),
 }
 
+# Options of `batch` that were those of `classify` in scripts of before it.
+BATCH_OPTIONS = {"--output", "--resume", "--sort-into", "--report"}
+
 # Characters that the commands print and an encoding may lack; any other becomes "?".
 ASCII = {"→": "->", "…": "..."}
 
@@ -58,6 +61,14 @@ class Commands(click.Group):
             return None
         module, _ = COMMANDS[cmd_name]
         return getattr(importlib.import_module(f"meshconv3d.{module}"), cmd_name)
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        if args[0] == "classify" and BATCH_OPTIONS.intersection(a.partition("=")[0] for a in args):
+            click.echo("note: with this option, classify is now meshconv3d batch", err=True)
+            args = ["batch", *args[1:]]
+        return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         with formatter.section("Commands"):

@@ -1,5 +1,5 @@
-"""What several commands do first: read the settings, open the model, list the files, start what
-classifies them. What is wrong with a call is a usage error, before anything is classified."""
+"""First steps of several commands: read the settings, open the model, list the files, start the
+executor. Mistakes in a call are usage errors, before anything is classified."""
 
 import logging
 import resource
@@ -58,7 +58,7 @@ def read_settings(flags: Mapping[str, Any]) -> "Settings":
 
 
 def _check_memory() -> None:
-    """With less, the libraries end the process in the middle of their work."""
+    """Raise a usage error for a limit on memory under which the libraries would abort."""
     most, _ = resource.getrlimit(resource.RLIMIT_AS)
     if most != resource.RLIM_INFINITY and most < LEAST_MEMORY:
         raise click.UsageError(
@@ -142,7 +142,7 @@ def pool_executor(
 
 
 def worker_setup(model: str | None, settings: "Settings", pictured: bool) -> "Setup":
-    """What worker processes are started with."""
+    """Setup of the worker processes."""
     from meshconv3d.service.models import ModelFile
     from meshconv3d.service.workers import Setup
 

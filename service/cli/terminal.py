@@ -1,4 +1,4 @@
-"""What commands show a person: text that is safe to print, tables of results, progress."""
+"""Output for a person: text that is safe to print, tables of results, progress."""
 
 import threading
 import time
@@ -35,12 +35,12 @@ TABLE_TOP = 2
 
 
 def printable(text: str) -> str:
-    """Text of which nothing commands the terminal."""
+    """Text without control characters, which could command the terminal."""
     return "".join(char if char.isprintable() else "\ufffd" for char in text)
 
 
 def shown(text: str) -> str:
-    """Printable text as it is, for rich: it has no markup."""
+    """Printable text without markup, for rich."""
     return escape(printable(text))
 
 
@@ -58,14 +58,14 @@ def with_progress(items: Iterable[Item], total: int) -> Iterator[Item]:
 
 
 class Progress:
-    """How many files are done, how fast, how many were refused and why, and once all were counted,
-    the time that is left: a line on standard error, at a terminal, for more than one file.
+    """Line on standard error with the files done, their rate, refusals by fault and, once all files
+    were counted, the remaining time. Only at a terminal, and for more than one file.
 
-    tally: counts of what is done, for others to add to. shown: whether there is the line.
+    tally: counts of what is done, to which the caller adds. shown: whether there is the line.
     """
 
     def __init__(self, listing: Listing, tally: Tally, quiet: bool = False) -> None:
-        """quiet: something else writes to the terminal meanwhile."""
+        """quiet: something else writes to the terminal all the time."""
         console = Console(stderr=True)
         self.tally = tally
         self.shown = not quiet and console.is_terminal and len(listing.first(2)) > 1
@@ -104,12 +104,12 @@ class Progress:
 
     @property
     def seconds(self) -> float:
-        """How long it has taken so far."""
+        """Seconds since the start."""
         return time.monotonic() - self._started
 
     @contextmanager
     def paused(self) -> Iterator[None]:
-        """Within this, the terminal is another's."""
+        """Within it, something else may write to the terminal."""
         if not self._bar.live.is_started:  # started again after the end, it would stay
             yield
             return
@@ -120,7 +120,7 @@ class Progress:
     def summary(self) -> str:
         """All in one line."""
         tally = self.tally
-        text = f"{tally.files} files: {tally.classified} classified"
+        text = f"{tally.files} file{'s' * (tally.files != 1)}: {tally.classified} classified"
         if tally.refused:
             text += f", {tally.refused.total()} refused ({tally.reasons()})"
         if tally.earlier:
