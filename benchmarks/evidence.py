@@ -47,7 +47,7 @@ def main() -> None:
         for title, order in orders.items():
             kept = np.sort(order[round(arguments.share * len(order)) :])
             rest = Mesh(whole.prepared.vertices, whole.prepared.faces[kept])
-            left = classifier.classify_mesh(rest)
+            left = classifier.classify(rest)
             falls[title].append(float(whole.prediction.scores[winner] - left.scores[winner]))
             lost[title] += left.ranking[0] != winner
     print(f"{arguments.model} on {len(paths)} test meshes of {arguments.data.name}")

@@ -40,7 +40,7 @@ def run(model_name: str) -> Findings:
             network(*tensors)
 
     def in_memory() -> None:
-        classifier.classify_mesh(mesh)
+        classifier.classify(mesh)
 
     times = best(
         {

@@ -100,7 +100,7 @@ def main() -> None:
 def answer(classifier: Classifier, mesh: Mesh) -> str | None:
     """The likeliest class, or None where the mesh is refused, which counts as wrong."""
     try:
-        return classifier.classify_mesh(mesh).label
+        return classifier.classify(mesh).label
     except UnusableMesh:
         return None
 

@@ -12,6 +12,7 @@ from pydantic.dataclasses import dataclass
 
 from meshconv3d.model.calibration import Calibration
 from meshconv3d.model.config import StoredConfig, in_one_line
+from meshconv3d.model.errors import Error
 
 PREFIX = "meshconv3d."
 FORMAT_VERSION = 3
@@ -21,8 +22,8 @@ NORMALISATION = "surface centroid at the origin, farthest vertex on the unit sph
 Version = Annotated[int, Field(ge=OLDEST_VERSION, le=FORMAT_VERSION)]
 
 
-class ModelFileError(ValueError):
-    """A file that is no model of this project, is damaged, or was made by a newer version."""
+class ModelFileError(Error):
+    """Error of a file that is no model of this project, damaged, or made by a newer version."""
 
 
 @dataclass(frozen=True, config=ConfigDict(extra="forbid"))

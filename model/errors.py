@@ -1,12 +1,15 @@
-"""What can be wrong with a mesh, as values that know nothing of HTTP or the command line."""
+"""Errors of meshes and models, which know nothing of HTTP or the command line."""
 
 
-class MeshError(ValueError):
-    """Something is wrong with one mesh or its file; the message says what, and what to do.
+class Error(ValueError):
+    """Base of all errors of a mesh or a model.
 
-    `fault` is a short stable slug for programs, as `"non-finite-vertices"`; the message is for
-    people.
+    The message says what was wrong, what was expected, and what to do.
     """
+
+
+class MeshError(Error):
+    """Error of one mesh, or of its file. fault: short stable code, as `"non-finite-vertices"`."""
 
     def __init__(self, fault: str, message: str) -> None:
         super().__init__(message)
@@ -18,19 +21,19 @@ class MeshError(ValueError):
 
 
 class UnknownFormat(MeshError):
-    """The format is not one that is read, or the name and the content disagree."""
+    """Error of a format that is not read, or that the name and the content disagree on."""
 
 
 class MalformedFile(MeshError):
-    """The bytes cannot be read as the format that they claim to be."""
+    """Error of bytes that cannot be read as the format that they claim to be."""
 
 
 class UnusableMesh(MeshError):
-    """The file was read, but what it holds is no mesh that can be classified."""
+    """Error of content that was read and is no mesh that can be classified."""
 
 
 class LimitExceeded(MeshError):
-    """The file holds more than is read. `limit` names the limit, `value` is what it is."""
+    """Error of a file that holds more than is read. limit: its name; value: the most allowed."""
 
     def __init__(self, limit: str, value: int, found: str) -> None:
         super().__init__(

@@ -2,17 +2,17 @@
 
 import os
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Any, Protocol, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from meshconv3d.model.attribution import contributions
 from meshconv3d.model.calibration import softmax
-from meshconv3d.model.errors import MeshError
+from meshconv3d.model.errors import Error, MeshError, UnusableMesh
 from meshconv3d.model.loading import Limits, load_mesh
 from meshconv3d.model.mesh import Mesh
 from meshconv3d.model.preparation import Placement, prepare_placed
@@ -28,12 +28,31 @@ SELF_TEST_TOLERANCE = 1e-2
 # Of which the times are taken, in order; of the last where it is asked for.
 STAGES = ("read", "prepare", "topology", "infer", "explain")
 
-Source = str | os.PathLike[str] | tuple[bytes, str | None]
-T = TypeVar("T")
+
+class TriangleMesh(Protocol):
+    """Mesh object of a library, such as `trimesh.Trimesh`."""
+
+    @property
+    def vertices(self) -> Any: ...
+
+    @property
+    def faces(self) -> Any: ...
 
 
-class SelfTestError(RuntimeError):
-    """A model does not give, on this machine, the scores it gave when it was exported."""
+class Scene(Protocol):
+    """Scene object of a library, such as `trimesh.Scene`."""
+
+    def to_mesh(self) -> TriangleMesh: ...
+
+
+# A path, the bytes of a file, (vertices, faces), or an object of a library.
+MeshSource: TypeAlias = (
+    str | os.PathLike[str] | bytes | tuple[ArrayLike, ArrayLike] | Mesh | TriangleMesh | Scene
+)
+
+
+class SelfTestError(Error):
+    """Error of a model that gives other scores on this machine than when it was exported."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,14 +78,13 @@ class Pass:
 
 
 class Classifier:
-    """A model, loaded once, that classifies any number of meshes from any number of threads.
+    """Model that is loaded once and classifies any number of meshes, from any number of threads.
 
-    >>> Classifier.load("shrec11").classify("snake.obj").label
-    'snake'
+    Made by `load`. `model.card` describes the model: its classes, its training and its accuracy.
     """
 
     def __init__(self, model: Model, limits: Limits | None = None) -> None:
-        """limits: the most that one file may hold; with None, the defaults."""
+        """limits: of one file; with None, the defaults."""
         self.model = model
         self.limits = limits
         calibration = model.card.calibration
@@ -74,23 +92,36 @@ class Classifier:
         self._novelty_limit = calibration.novelty_limit if calibration else None
 
     @classmethod
-    def load(cls, name_or_path: str = DEFAULT_MODEL) -> "Classifier":
-        """A shipped model by name or a model file by path; see `open_model` for the errors."""
-        return cls(open_model(name_or_path))
+    def load(
+        cls, model: str | os.PathLike[str] = DEFAULT_MODEL, limits: Limits | None = None
+    ) -> "Classifier":
+        """A shipped model by name or a model file by path, after its self test.
 
-    def classify(
-        self, source: str | os.PathLike[str] | bytes, name: str | None = None
-    ) -> Prediction:
-        """Classify one file, or the bytes of one; `name` declares the format of bytes.
-
-        Raises MeshError for what cannot be read or is no mesh, OSError for a path that cannot
-        be opened.
+        limits: of one file; with None, the defaults. Raises ModelFileError or SelfTestError.
         """
-        return self.run(*self.read(source, name)).prediction
+        classifier = cls(open_model(os.fspath(model)), limits)
+        classifier.self_test()
+        return classifier
 
-    def classify_mesh(self, mesh: Mesh) -> Prediction:
-        """Classify a mesh that is in memory already. Raises UnusableMesh."""
-        return self.run(mesh, {}).prediction
+    def classify(self, mesh: MeshSource, format: str | None = None) -> Prediction:
+        """Classify one mesh.
+
+        - `mesh`: a path, the bytes of a file, a pair of arrays (vertices, V x 3 numbers; triangles,
+          F x 3 vertex numbers from 0), a `trimesh.Trimesh`, or a `trimesh.Scene`.
+        - `format`: extension that tells the format of bytes, such as `"stl"`. Without it, the
+          extension of a path tells it, and the content of bytes.
+
+        Raises MeshError if the mesh cannot be read or classified.
+        """
+        if isinstance(mesh, str | os.PathLike | bytes):
+            try:
+                return self.run(*self.read(mesh, format)).prediction
+            except OSError as error:
+                raise MeshError(
+                    "unreadable",
+                    f"{mesh!r} cannot be opened: {error.strerror}; give the path of a mesh file",
+                ) from error
+        return self.run(_in_memory(mesh), {}).prediction
 
     def read(
         self,
@@ -98,9 +129,9 @@ class Classifier:
         name: str | None = None,
         pieces: Mapping[str, bytes] | None = None,
     ) -> tuple[Mesh, dict[str, float]]:
-        """The mesh of a file, and the time that it took. Raises what `classify` raises.
+        """The mesh of a file, and the time that reading it took, for `run`.
 
-        pieces: see `load_mesh`.
+        name, pieces: see `load_mesh`. Raises what `load_mesh` raises.
         """
         timings: dict[str, float] = {}
         with timed(timings, "read"):
@@ -134,11 +165,14 @@ class Classifier:
         )
         return Pass(prepared, placement, inputs, evidence, prediction)
 
-    def classify_many(
-        self, sources: Iterable[Source]
-    ) -> Iterator[Prediction | MeshError | OSError]:
-        """Classify files one after the other, in order: for each its result, or why it has none."""
-        return each_of(sources, self.classify)
+    def classify_many(self, meshes: Iterable[MeshSource]) -> Iterator[Prediction | MeshError]:
+        """Classify meshes, each as `classify` takes it; yields for each its prediction or error."""
+        for mesh in meshes:
+            try:
+                yield self.classify(mesh)
+            except MeshError as error:
+                # A traceback would keep the mesh in memory.
+                yield error.with_traceback(None)
 
     def self_test(self) -> None:
         """Classify the sample whose scores the export stored; it also warms every stage up.
@@ -154,7 +188,7 @@ class Classifier:
             )
         expected = np.array(card.probe.scores)
         try:
-            scores = self.classify_mesh(load_mesh(path)).scores  # within no limits but the defaults
+            scores = self.classify(load_mesh(path)).scores  # within no limits but the defaults
         except Exception as error:  # those of onnxruntime are of no kind of their own
             reason = str(error).partition("\n")[0]
             raise SelfTestError(
@@ -169,16 +203,25 @@ class Classifier:
             )
 
 
-def each_of(sources: Iterable[Source], work: Callable[..., T]) -> Iterator[T | MeshError | OSError]:
-    """Work on files one after the other, in order: for each its result, or why it has none.
-
-    A source is a path, or the bytes of a file with their declared name or None.
-    """
-    for source in sources:
-        try:
-            yield work(*source) if isinstance(source, tuple) else work(source)
-        except (MeshError, OSError) as error:
-            yield error
+def _in_memory(mesh: Any) -> Mesh:
+    """The mesh in arrays, or in an object of a library. Raises UnusableMesh."""
+    if isinstance(mesh, Mesh):
+        return mesh
+    try:
+        mesh = mesh.to_mesh() if hasattr(mesh, "to_mesh") else mesh
+        if hasattr(mesh, "vertices"):
+            vertices, faces = mesh.vertices, getattr(mesh, "faces", ())
+        else:
+            vertices, faces = mesh
+        return Mesh(vertices, faces)
+    except MeshError:
+        raise
+    except (TypeError, ValueError) as error:
+        raise UnusableMesh(
+            "no-mesh",
+            f"{type(mesh).__name__} is no mesh ({error}); give a path, bytes, arrays as (vertices, "
+            "faces), or a trimesh object; several meshes are for classify_many",
+        ) from error
 
 
 @contextmanager

@@ -103,10 +103,8 @@ def classify_samples(classifier: Classifier, samples: Sequence[Sample]) -> Itera
     """Classify labelled files one after the other, in order."""
     results = classifier.classify_many(sample.path for sample in samples)
     for sample, result in zip(samples, results, strict=True):
-        if not isinstance(result, Prediction):
-            # Not the exception: its traceback would keep every mesh that it passed in memory.
-            result = Failure.of(result)
-        yield LabelledResult(sample, result)
+        one = result if isinstance(result, Prediction) else Failure.of(result)
+        yield LabelledResult(sample, one)
 
 
 def summarise(

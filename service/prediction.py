@@ -1,11 +1,11 @@
-"""Result types: what one mesh is, or why that is not known.
+"""Result types: the prediction of one mesh, or the reason why there is none.
 
-These values cross the worker border and every function border of the service. JSON, CSV and tables
-are made of them at the edge, by `service.records`.
+They cross the worker border and every function border of the service. JSON, CSV and tables are made
+of them at the edge, by `service.records`.
 """
 
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,17 +22,29 @@ class ModelId:
     sha256: str
 
 
+class RankedClass(NamedTuple):
+    """A class by name, its calibrated probability, and its score, a logit."""
+
+    name: str
+    probability: float
+    score: float
+
+
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """Class scores of one mesh.
+    """Class of one mesh.
 
-    classes: N_c names, in the order of the scores. scores: N_c float32 logits; probabilities: N_c
-    float64, their calibrated softmax. novelty: out-of-distribution score, see
-    `model.nn.out_of_distribution`; unknown: whether it exceeds the model's limit, None for a model
-    without one. report: what preparation found and did. timings_ms: wall-clock milliseconds of each
-    stage: read, prepare, topology, infer, and explain if that was asked for.
-
-    explanation: bytes of a GLB, PLY or JSON file; picture: bytes of a PNG. None if not asked for.
+    - `label`: name of the likeliest class. `probability`: its calibrated probability.
+    - `unknown`: whether the mesh is unlike every class, so that `label` is only the nearest; None
+      if the model cannot tell.
+    - `novelty`: out-of-distribution score, which `unknown` compares with the model's limit.
+    - `classes`: names of the N_c classes. `scores`, N_c float32 logits, and `probabilities`, N_c
+      float64, are in their order; `top` has them by name.
+    - `report`: counts of what preparation found and changed, a `MeshReport`.
+    - `timings_ms`: milliseconds of each stage: read, prepare, topology, infer, explain.
+    - `model`: name and SHA-256 of the model file.
+    - `explanation`, the bytes of a GLB, PLY or JSON file, and `picture`, of a PNG: None unless
+      requested, as the command line and the service do.
     """
 
     model: ModelId
@@ -47,31 +59,28 @@ class Prediction:
     picture: bytes | None = None
 
     @property
-    def ranking(self) -> list[int]:
-        """Class indices, likeliest first."""
-        return np.argsort(-self.scores, kind="stable").tolist()
-
-    @property
     def label(self) -> str:
-        """The likeliest class."""
-        return self.classes[int(np.argmax(self.scores))]
+        """Name of the likeliest class."""
+        return self.top(1)[0].name
 
     @property
     def probability(self) -> float:
-        """Probability of the likeliest class."""
-        return float(self.probabilities[int(np.argmax(self.scores))])
+        """Calibrated probability of the likeliest class."""
+        return self.top(1)[0].probability
 
-    def top(self, count: int | None = None) -> list[tuple[str, float, float]]:
-        """(name, probability, score) of the `count` likeliest classes, or of all."""
+    def top(self, count: int | None = None) -> list[RankedClass]:
+        """The `count` likeliest classes, or all, likeliest first."""
+        order = np.argsort(-self.scores, kind="stable")[:count]
         return [
-            (self.classes[i], float(self.probabilities[i]), float(self.scores[i]))
-            for i in self.ranking[:count]
+            RankedClass(self.classes[i], float(self.probabilities[i]), float(self.scores[i]))
+            for i in order
         ]
 
     def __repr__(self) -> str:
-        likeliest = ", ".join(f"{name} {probability:.1%}" for name, probability, _ in self.top(3))
-        unknown = "unknown, nearest: " if self.unknown else ""
-        return f"<Prediction by {self.model.name}: {unknown}{likeliest}>"
+        first, *others = (f"{one.name} {one.probability:.1%}" for one in self.top(3))
+        nearest = "unknown, nearest is " if self.unknown else ""
+        following = f", then {', '.join(others)}" if others else ""
+        return f"<Prediction: {nearest}{first}{following}>"
 
 
 @dataclass(frozen=True)

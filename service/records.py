@@ -2,7 +2,6 @@
 
 import os
 
-import numpy as np
 from pydantic import AliasChoices, BaseModel, Field, TypeAdapter
 
 from meshconv3d.model.preparation import MeshReport
@@ -49,7 +48,6 @@ class Refusal(BaseModel):
     error: Failure
 
 
-_SCORES = TypeAdapter(list[ClassScore])
 _RECORD: TypeAdapter[Answer | Refusal] = TypeAdapter(Answer | Refusal)
 
 
@@ -62,15 +60,12 @@ def record(file: str | None, result: Result, top: int | None = None) -> Answer |
 
 def answer(file: str | None, prediction: Prediction, top: int | None = None) -> Answer:
     """Record of a prediction, with the `top` likeliest classes, or all."""
-    # Rounded and validated as whole arrays: one by one takes most of a record's time.
-    probabilities = prediction.probabilities.round(6).tolist()
-    logits = prediction.scores.astype(np.float64).round(5).tolist()
-    scores = _SCORES.validate_python(
-        [
-            {"class": prediction.classes[i], "probability": probabilities[i], "score": logits[i]}
-            for i in prediction.ranking[:top]
-        ]
-    )
+    scores = [
+        ClassScore(
+            class_=one.name, probability=round(one.probability, 6), score=round(one.score, 5)
+        )
+        for one in prediction.top(top)
+    ]
     return Answer(
         file=file,
         class_=scores[0].class_,

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshconv3d.model.attribution import onto_file
+from meshconv3d.model.errors import Error
 from meshconv3d.model.mesh import Mesh
 from meshconv3d.model.preparation import face_areas
 from meshconv3d.service.classifier import Classifier, timed
@@ -21,7 +22,7 @@ SHOWN_SHARE = 0.95
 LEAST_AREA = 1e-12
 
 
-class NotExplained(ValueError):
+class NotExplained(Error):
     """Error of an explanation that cannot be made. fault: stable error code; the message says what
     to do."""
 
@@ -110,7 +111,7 @@ def explain(
     passed = classifier.run(mesh, timings)
     result = passed.prediction
     timings = dict(result.timings_ms)
-    index = result.ranking[0] if label is None else config.classes.index(label)
+    index = config.classes.index(label or result.label)
     with timed(timings, "explain"):
         placed = passed.prepared.moved(passed.placement.into_file(passed.prepared.vertices))
         added = onto_file(passed.contributions(index), placed, mesh)

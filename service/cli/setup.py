@@ -81,15 +81,12 @@ def load_classifier(model: str | None) -> "Classifier":
 
     A model that is missing, damaged, or does not give its own scores is a usage error.
     """
-    from meshconv3d.export.metadata import ModelFileError
-    from meshconv3d.service.classifier import Classifier, SelfTestError
-    from meshconv3d.service.models import open_model
+    from meshconv3d.model.errors import Error
+    from meshconv3d.service.classifier import Classifier
 
     settings = read_settings({})
-    with usage_errors(ModelFileError, SelfTestError):
-        classifier = Classifier(open_model(model or settings.models[0]), settings.limits)
-        classifier.self_test()
-    return classifier
+    with usage_errors(Error):
+        return Classifier.load(model or settings.models[0], settings.limits)
 
 
 def list_files(

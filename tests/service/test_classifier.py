@@ -45,15 +45,16 @@ def test_an_answer_is_consistent(classifier: Classifier) -> None:
     result = classifier.classify(sample_paths()["ants"])
     assert result.classes == ("ball", "box", "ring")
     assert result.probabilities.sum() == pytest.approx(1)
-    assert sorted(result.ranking) == [0, 1, 2]
-    assert list(result.probabilities[result.ranking]) == sorted(result.probabilities)[::-1]
-    assert result.label == result.classes[int(result.scores.argmax())]
+    likeliest = result.top()
+    assert {one.name for one in likeliest} == set(result.classes)
+    assert [one.probability for one in likeliest] == sorted(result.probabilities)[::-1]
+    assert result.label == result.classes[int(result.scores.argmax())] == likeliest[0].name
     assert list(result.timings_ms) == ["read", "prepare", "topology", "infer"]
 
 
 def test_a_mesh_in_memory_scores_like_its_file(classifier: Classifier) -> None:
     path = sample_paths()["ants"]
-    of_mesh = classifier.classify_mesh(load_mesh(path))
+    of_mesh = classifier.classify(load_mesh(path))
     assert of_mesh.scores.tolist() == classifier.classify(path).scores.tolist()
     assert list(of_mesh.timings_ms) == ["prepare", "topology", "infer"]
 
@@ -61,8 +62,9 @@ def test_a_mesh_in_memory_scores_like_its_file(classifier: Classifier) -> None:
 def test_bad_input_raises_what_is_documented(classifier: Classifier, tmp_path: Path) -> None:
     with pytest.raises(MeshError):
         classifier.classify(b"")
-    with pytest.raises(FileNotFoundError):
+    with pytest.raises(MeshError, match=r"nothing.obj.*cannot be opened") as error:
         classifier.classify(tmp_path / "nothing.obj")
+    assert error.value.fault == "unreadable"
 
 
 def test_the_self_test_passes_on_the_file_as_exported(classifier: Classifier) -> None:

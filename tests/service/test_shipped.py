@@ -36,7 +36,7 @@ def test_every_shipped_model_is_calibrated_and_carries_its_documentation(name: s
 
 def test_no_shape_without_a_class_is_known(classifier: Classifier):
     shapes = list(make_shapes(of_each=3, seed=1))
-    unknown = [classifier.classify_mesh(shape).unknown for shape in shapes]
+    unknown = [classifier.classify(shape).unknown for shape in shapes]
     assert sum(map(bool, unknown)) >= 0.95 * len(shapes)
 
 
