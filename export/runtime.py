@@ -6,6 +6,9 @@ is the only switch that prevents both. Import onnxruntime from here and nowhere 
 """
 
 import os
+from collections.abc import Mapping, Sequence
+
+import numpy as np
 
 os.environ["ORT_DISABLE_TELEMETRY"] = "1"
 
@@ -14,15 +17,33 @@ import onnxruntime
 from meshconv3d.export.metadata import ModelFileError
 from meshconv3d.export.operators import DOMAIN, operator_library
 
-__all__ = ["onnxruntime", "open_session", "session_options"]
+__all__ = ["onnxruntime", "open_session", "run", "session_options"]
+
+# Errors of onnxruntime are of no kind of their own. Words of those where memory ran out, and of
+# those of a version of ONNX that it does not know.
+MEMORY_ERRORS = ("bad_alloc", "allocate memory")
+NEWER_ERRORS = ("Unsupported model IR version", "Current official support for domain")
+
+# A tensor of ONNX whose values lie in another file has an entry with this key.
+EXTERNAL_DATA = b"\n\x08location\x12"
 
 
 def open_session(content: bytes) -> onnxruntime.InferenceSession:
     """A session on the bytes of a model file; `run` is thread-safe.
 
-    Raises ModelFileError for what is damaged, no model, or in want of operators that are not
-    installed.
+    Raises ModelFileError for a file that is damaged, no model, not whole, made for a newer
+    onnxruntime, or in need of operators that are not installed.
     """
+    if content[8:9] == b"{" and b'"dtype"' in content[:4096]:  # safetensors
+        raise ModelFileError(
+            "the file is a checkpoint; make a model of it with: "
+            "meshconv3d export CHECKPOINT -o MODEL.onnx"
+        )
+    if EXTERNAL_DATA in content:  # onnxruntime would look for it in the current folder
+        raise ModelFileError(
+            "its weights lie in another file, which the hash of this one does not cover; save the "
+            "model with its weights in one file, as meshconv3d export does"
+        )
     options = session_options(content)
     try:
         # Without fallback: it would print to stdout and then fail in the same way.
@@ -33,8 +54,25 @@ def open_session(content: bytes) -> onnxruntime.InferenceSession:
     except Exception as error:
         # Damaged bytes make onnxruntime raise nearly anything, UnicodeDecodeError included.
         reason = str(error).partition("\n")[0]
+        if any(words in reason for words in NEWER_ERRORS):
+            raise ModelFileError(
+                "the file is made for a newer onnxruntime than the one that is installed "
+                f"({onnxruntime.__version__}): upgrade it ({reason})"
+            ) from None
         raise ModelFileError(f"the file is damaged or is no ONNX model: {reason}") from None
     return session
+
+
+def run(
+    session: onnxruntime.InferenceSession, outputs: Sequence[str], inputs: Mapping[str, np.ndarray]
+) -> list[np.ndarray]:
+    """Outputs of a session, by their names. Raises MemoryError where memory runs out inside it."""
+    try:
+        return [np.asarray(output) for output in session.run(outputs, inputs)]
+    except Exception as error:
+        if any(words in str(error) for words in MEMORY_ERRORS):
+            raise MemoryError("memory ran out inside onnxruntime") from None
+        raise
 
 
 def session_options(content: bytes) -> onnxruntime.SessionOptions:
@@ -44,7 +82,9 @@ def session_options(content: bytes) -> onnxruntime.SessionOptions:
     """
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = 1
-    options.log_severity_level = 3  # errors reach the caller as exceptions; no warnings on stderr
+    options.log_severity_level = 4  # errors reach the caller as exceptions, nothing goes to stderr
+    # The arena would keep what the largest mesh took; without it, a mesh takes as long.
+    options.enable_cpu_mem_arena = False
     # What a file needs can only be asked once it is open, which takes what it needs.
     if DOMAIN.encode() in content:
         options.register_custom_ops_library(operator_library())

@@ -10,6 +10,7 @@ from typing import Any, Protocol, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from meshconv3d.export.runtime import run
 from meshconv3d.model.attribution import contributions
 from meshconv3d.model.calibration import softmax
 from meshconv3d.model.errors import Error, MeshError, UnusableMesh
@@ -141,8 +142,18 @@ class Classifier:
     def run(self, mesh: Mesh, timings: dict[str, float]) -> Pass:
         """Send a mesh through both stages. timings: milliseconds of the stages before these.
 
-        Raises UnusableMesh.
+        Raises UnusableMesh, also where memory runs out.
         """
+        try:
+            return self._run(mesh, timings)
+        except MemoryError as error:
+            raise UnusableMesh(
+                "out-of-memory",
+                "classifying this mesh takes more memory than there is; simplify the mesh or "
+                "split it up",
+            ) from error
+
+    def _run(self, mesh: Mesh, timings: dict[str, float]) -> Pass:
         config = self.model.card.config
         timings = dict(timings)
         with timed(timings, "prepare"):
@@ -151,8 +162,9 @@ class Classifier:
             inputs = mesh_inputs(prepared, config)
             arrays = collate([inputs])
         with timed(timings, "infer"):
-            outputs = self.model.session.run(["scores", "novelty", "evidence"], arrays)
-        scores, novelty, evidence = map(np.asarray, outputs)
+            scores, novelty, evidence = run(
+                self.model.session, ["scores", "novelty", "evidence"], arrays
+            )
         prediction = Prediction(
             self.model.id,
             config.classes,

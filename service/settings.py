@@ -1,7 +1,6 @@
 """Settings: a flag goes before a MESHCONV3D_* variable, and that before the default."""
 
 import ipaddress
-import os
 import re
 from pathlib import Path
 from typing import Annotated, Self
@@ -10,6 +9,7 @@ from pydantic import Field, SecretStr, field_validator, model_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
 from meshconv3d.model.loading import Limits
+from meshconv3d.service.container import default_workers, usable_cpus
 from meshconv3d.service.logs import LogFormat
 from meshconv3d.service.models import shipped_models
 
@@ -41,11 +41,12 @@ class Settings(BaseSettings):
         default=8000, ge=0, le=65535, description="Port to listen on; 0 takes a free one."
     )
     workers: int = Field(
-        default_factory=lambda: len(os.sched_getaffinity(0)),
+        default_factory=usable_cpus,
         ge=1,
         le=256,
         description="Processes that read and classify, one mesh each at a time. "
-        "By default one for each usable core.",
+        "By default one for each core that the process may use, or fewer where the memory of its "
+        "container holds fewer.",
     )
     deadline_seconds: float = Field(
         default=30.0,
@@ -140,6 +141,12 @@ class Settings(BaseSettings):
             if not HOST.fullmatch(host):
                 raise ValueError(f"{host!r} is no host; name one without a port, as example.org")
         return hosts
+
+    @model_validator(mode="after")
+    def _fit_workers_into_memory(self) -> Self:
+        if "workers" not in self.model_fields_set:
+            self.workers = default_workers(self.worker_memory_bytes)
+        return self
 
     @model_validator(mode="after")
     def _read_keys(self) -> Self:

@@ -13,6 +13,7 @@ import traceback
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from meshconv3d.export.metadata import ModelFileError
 from meshconv3d.model import loading
@@ -22,7 +23,12 @@ from meshconv3d.service.attribution import FORMS, explain
 from meshconv3d.service.classifier import Classifier
 from meshconv3d.service.models import ModelFile, ModelInfo
 from meshconv3d.service.prediction import Prediction
-from meshconv3d.service.workers.limits import limit_cpu, limit_memory
+from meshconv3d.service.workers.limits import (
+    limit_cpu,
+    limit_memory,
+    release_memory,
+    resident_memory,
+)
 
 
 @dataclass(frozen=True)
@@ -71,6 +77,9 @@ def work(connection: socket.socket, setup: Setup) -> None:
     """Entry point of a worker process: warm up, then answer tasks until the other end closes."""
     signal.signal(signal.SIGTERM, signal.SIG_IGN)  # multiprocessing resets what `preload` has set
 
+    with suppress(OSError):  # if memory runs out, the kernel ends a worker, not the front
+        Path("/proc/self/oom_score_adj").write_text("1000")
+
     def send(answer: Answer) -> None:
         connection.sendall(pickle.dumps(answer, pickle.HIGHEST_PROTOCOL))
 
@@ -81,8 +90,10 @@ def work(connection: socket.socket, setup: Setup) -> None:
             send(error)
             return
         send([classifier.model.info for classifier in classifiers.values()])
-        tasks = connection.makefile("rb")
+        tasks, warm = connection.makefile("rb"), resident_memory()
         while True:
+            limit_cpu(setup.seconds)
+            limit_memory(setup.memory_bytes)
             try:
                 task = pickle.load(tasks)
             except MemoryError:
@@ -90,10 +101,11 @@ def work(connection: socket.socket, setup: Setup) -> None:
                 return  # the rest of the task is still in the stream
             send(answer_to(task, classifiers, setup))
             del task
+            release_memory(warm)
 
 
 def warm_up(setup: Setup) -> dict[str, Classifier]:
-    """Open and test every model, then limit the memory.
+    """Open and test every model, and import all that reading may need.
 
     Raises ModelFileError or SelfTestError for a model that cannot serve, ModelFileError for two of
     one name.
@@ -110,7 +122,6 @@ def warm_up(setup: Setup) -> dict[str, Classifier]:
     if setup.pictured:
         import meshconv3d.service.picture  # noqa: F401 (before memory is limited)
     gc.freeze()  # garbage collection skips the libraries' objects
-    limit_memory(setup.memory_bytes)
     return classifiers
 
 
@@ -118,7 +129,6 @@ def answer_to(
     task: Task, classifiers: dict[str, Classifier], setup: Setup
 ) -> Prediction | MeshError | TaskFailed:
     """Result of one task, or the error that it has instead."""
-    limit_cpu(setup.seconds)
     try:
         return predict(task, classifiers[task.model], setup.pictured)
     except MeshError as error:

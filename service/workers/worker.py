@@ -12,6 +12,7 @@ from multiprocessing.context import ForkServerContext
 from typing import Any
 
 from meshconv3d.model.errors import UnusableMesh
+from meshconv3d.service.container import OomKills
 from meshconv3d.service.models import ModelInfo
 from meshconv3d.service.prediction import Prediction
 from meshconv3d.service.workers.tasks import Setup, Task, work
@@ -22,6 +23,7 @@ WARM_UP_SECONDS = 300.0
 EXIT_SECONDS = 1.0
 # Signals of a terminal or a service manager, see `preload`.
 STOP_SIGNALS = {signal.SIGINT, signal.SIGTERM}
+OOM_KILLS = OomKills()
 
 
 class DeadlineExceeded(Exception):
@@ -98,16 +100,29 @@ class Worker:
         except (EOFError, pickle.UnpicklingError):
             pass
         self.ended = True
-        return crashed(self._how_it_ended()) if read else None
+        return self._crash() if read else None
 
     def _receive(self, until: float) -> Any:
         self._socket.settimeout(_left(until))
         return pickle.load(self._answers)
 
-    def _how_it_ended(self) -> str:
+    def _crash(self) -> UnusableMesh:
         self._process.join(EXIT_SECONDS)
         code = self._process.exitcode
-        return f"signal {-code}" if code is not None and code < 0 else f"exit code {code}"
+        if code is None or code >= 0:
+            return crashed(f"exit code {code}")
+        if -code != signal.SIGKILL:
+            return crashed(f"signal {-code}")
+        if OOM_KILLS.take():
+            return UnusableMesh(
+                "too-much-memory",
+                "memory ran out as this file was read, and the system ended its reader; simplify "
+                "the mesh or split it up, or give the service more memory or fewer workers",
+            )
+        return UnusableMesh(
+            "worker-crashed",
+            "the reader of this file was ended from outside (signal 9); send the file again",
+        )
 
     def kill(self) -> None:
         """End the process at once, from any thread; the one that waits for its answer is told."""

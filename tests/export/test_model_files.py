@@ -5,8 +5,10 @@ import random
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import onnx
 import pytest
+import safetensors.numpy
 
 from meshconv3d.export.metadata import FORMAT_VERSION, PREFIX, ModelFileError
 from meshconv3d.service.models import open_model
@@ -88,6 +90,50 @@ def test_a_foreign_onnx_model_is_refused(tmp_path: Path) -> None:
         onnx.helper.make_model(graph, opset_imports=opset, ir_version=10).SerializeToString()
     )
     with pytest.raises(ModelFileError, match=r"not one of meshconv3d.*meshconv3d export"):
+        open_model(str(path))
+
+
+def newer_format(graph: onnx.ModelProto) -> None:
+    graph.ir_version = 99
+
+
+def newer_operators(graph: onnx.ModelProto) -> None:
+    graph.opset_import[0].version = 99
+
+
+@pytest.mark.parametrize("change", [newer_format, newer_operators])
+def test_a_file_of_a_newer_onnx_is_told_as_newer(
+    model_file: Path, tmp_path: Path, change: Change
+) -> None:
+    graph = onnx.load(model_file)
+    change(graph)
+    path = tmp_path / "newer.onnx"
+    path.write_bytes(graph.SerializeToString())
+    with pytest.raises(ModelFileError, match=r"newer onnxruntime than the one.*upgrade it"):
+        open_model(str(path))
+
+
+def test_weights_in_another_file_are_refused(
+    model_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Even where the other file is at hand: the hash of the model does not cover it."""
+    path = tmp_path / "external.onnx"
+    onnx.save(
+        onnx.load(model_file),
+        path,
+        save_as_external_data=True,
+        location="external.data",
+        size_threshold=0,
+    )
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ModelFileError, match=r"another file.*hash"):
+        open_model(str(path))
+
+
+def test_a_checkpoint_is_told_how_to_become_a_model(tmp_path: Path) -> None:
+    path = tmp_path / "model.safetensors"
+    path.write_bytes(safetensors.numpy.save({"weight": np.zeros(3, np.float32)}))
+    with pytest.raises(ModelFileError, match=r"checkpoint.*meshconv3d export"):
         open_model(str(path))
 
 

@@ -29,6 +29,7 @@ from meshconv3d.service.workers import (
     Task,
     WorkerPool,
 )
+from meshconv3d.service.workers.limits import KEPT_BYTES
 from tests.processes import held, until, workers
 
 MEMORY = 2**30
@@ -192,6 +193,36 @@ def test_long_names_do_not_keep_who_hands_work_over(model_file: Path, ring: Task
         pool.submit(dataclasses.replace(ring, file="a" * 1_000_000), soon())
         with pytest.raises(DeadlineExceeded):
             hanging.result(timeout=10)
+
+
+def test_what_a_mesh_took_is_given_back(model_file: Path, ring: Task) -> None:
+    """So that the next may take as much."""
+    corners = np.zeros(400_000, [("values", "<f4", 12), ("attribute", "<u2")])
+    corners["values"] = np.random.default_rng(0).random((len(corners), 12))
+    content = bytes(80) + np.uint32(len(corners)).tobytes() + corners.tobytes()
+    large = dataclasses.replace(ring, content=content, declared="stl")
+    limits, model = Limits(), [ModelFile.read(str(model_file))]
+    pool = WorkerPool(Setup(model, limits, 2**26, seconds=30.0), 1)
+    before = workers(os.getpid())
+    pool.start()
+    try:
+        (worker,) = set(workers(os.getpid())) - set(before)
+        assert pool.submit(ring).result().label
+        warm = resident(worker)
+        for _ in range(3):
+            error = pool.submit(large).exception()
+            assert isinstance(error, UnusableMesh)
+            assert error.fault == "too-much-memory"
+        assert pool.submit(ring).result().label
+        assert resident(worker) < warm + KEPT_BYTES
+        assert pool.restarts == 0
+    finally:
+        pool.close()
+
+
+def resident(process: int) -> int:
+    """Bytes of memory that a process holds."""
+    return int(Path(f"/proc/{process}/statm").read_text().split()[1]) * os.sysconf("SC_PAGESIZE")
 
 
 def test_a_stop_leaves_nobody_waiting(model_file: Path, ring: Task) -> None:
