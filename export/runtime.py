@@ -6,6 +6,7 @@ is the only switch that prevents both. Import onnxruntime from here and nowhere 
 """
 
 import os
+import re
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -19,12 +20,13 @@ from meshconv3d.export.operators import DOMAIN, operator_library
 
 __all__ = ["onnxruntime", "open_session", "run", "session_options"]
 
-# Errors of onnxruntime are of no kind of their own. Words of those where memory ran out, and of
-# those of a version of ONNX that it does not know.
-MEMORY_ERRORS = ("bad_alloc", "allocate memory")
-NEWER_ERRORS = ("Unsupported model IR version", "Current official support for domain")
+# onnxruntime has no types for these errors: words of their messages.
+OUT_OF_MEMORY = re.compile("bad_alloc|allocate memory")
+NEWER = re.compile(
+    "(Unsupported model IR version|Current official support for|Could not find an implementation).*"
+)
 
-# A tensor of ONNX whose values lie in another file has an entry with this key.
+# The key of an entry that names the file of a tensor's values.
 EXTERNAL_DATA = b"\n\x08location\x12"
 
 
@@ -54,10 +56,10 @@ def open_session(content: bytes) -> onnxruntime.InferenceSession:
     except Exception as error:
         # Damaged bytes make onnxruntime raise nearly anything, UnicodeDecodeError included.
         reason = str(error).partition("\n")[0]
-        if any(words in reason for words in NEWER_ERRORS):
+        if newer := NEWER.search(reason):
             raise ModelFileError(
-                "the file is made for a newer onnxruntime than the one that is installed "
-                f"({onnxruntime.__version__}): upgrade it ({reason})"
+                "the file is made for a newer onnxruntime than the one that is installed: upgrade "
+                f"it (version {onnxruntime.__version__}: {newer[0]})"
             ) from None
         raise ModelFileError(f"the file is damaged or is no ONNX model: {reason}") from None
     return session
@@ -70,7 +72,7 @@ def run(
     try:
         return [np.asarray(output) for output in session.run(outputs, inputs)]
     except Exception as error:
-        if any(words in str(error) for words in MEMORY_ERRORS):
+        if OUT_OF_MEMORY.search(str(error)):
             raise MemoryError("memory ran out inside onnxruntime") from None
         raise
 

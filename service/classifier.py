@@ -148,7 +148,7 @@ class Classifier:
             return self._run(mesh, timings)
         except MemoryError as error:
             raise UnusableMesh(
-                "out-of-memory",
+                "too-much-memory",
                 "classifying this mesh takes more memory than there is; simplify the mesh or "
                 "split it up",
             ) from error

@@ -4,7 +4,6 @@ A group and all groups above it bound the process. Where there are none, there i
 """
 
 import os
-import threading
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -57,29 +56,14 @@ def memory_limit(root: Path = ROOT) -> int | None:
     return min((limit for limit in limits if limit < NO_LIMIT), default=None)
 
 
-class OomKills:
-    """Processes of the container that the kernel ended because memory ran out."""
-
-    def __init__(self, root: Path = ROOT) -> None:
-        self._root = root
-        self._told = self._count()
-        self._lock = threading.Lock()
-
-    def take(self) -> bool:
-        """Whether there was one that was not taken before."""
-        with self._lock:
-            if self._count() <= self._told:
-                return False
-            self._told += 1
-            return True
-
-    def _count(self) -> int:
-        for group in _groups("memory", self._root):
-            for name in ("memory.events", "memory.oom_control"):
-                words = _words(group / name)
-                if "oom_kill" in words:
-                    return int(words[words.index("oom_kill") + 1])
-        return 0
+def oom_kills(root: Path = ROOT) -> int:
+    """Number of processes of the container that the kernel ended because memory ran out."""
+    for group in _groups("memory", root):
+        for name in ("memory.events", "memory.oom_control"):
+            words = _words(group / name)
+            if "oom_kill" in words:
+                return int(words[words.index("oom_kill") + 1])
+    return 0
 
 
 def _groups(controller: str, root: Path) -> Iterator[Path]:

@@ -192,3 +192,20 @@ def test_a_file_that_a_system_keeps_for_itself_is_passed_over() -> None:
     result = CliRunner().invoke(commands, ["classify", str(folder), "--top", "1"])
     assert result.exit_code == 0
     assert '"fault"' not in result.output
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("ir99.onnx", "newer onnxruntime than the one that is installed: upgrade it"),
+        ("op99.onnx", "newer onnxruntime than the one that is installed: upgrade it"),
+        ("ext.onnx", "its weights lie in another file"),
+        ("model.safetensors", "meshconv3d export"),
+    ],
+)
+def test_a_model_that_cannot_be_opened_is_told_as_what_it_is(name: str, words: str) -> None:
+    path = CASES / "26-model-version-skew" / name
+    result = CliRunner().invoke(commands, ["inspect", str(path)])
+    assert result.exit_code == 2
+    assert words in " ".join(result.output.split())
+    assert "damaged" not in result.output

@@ -78,7 +78,7 @@ def load_mesh(
         raise
     except MemoryError as error:
         raise UnusableMesh(
-            "out-of-memory",
+            "too-much-memory",
             "reading the file takes more memory than there is; simplify the mesh or split it up",
         ) from error
     except Exception as error:

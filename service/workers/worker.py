@@ -12,7 +12,7 @@ from multiprocessing.context import ForkServerContext
 from typing import Any
 
 from meshconv3d.model.errors import UnusableMesh
-from meshconv3d.service.container import OomKills
+from meshconv3d.service.container import oom_kills
 from meshconv3d.service.models import ModelInfo
 from meshconv3d.service.prediction import Prediction
 from meshconv3d.service.workers.tasks import Setup, Task, work
@@ -23,7 +23,6 @@ WARM_UP_SECONDS = 300.0
 EXIT_SECONDS = 1.0
 # Signals of a terminal or a service manager, see `preload`.
 STOP_SIGNALS = {signal.SIGINT, signal.SIGTERM}
-OOM_KILLS = OomKills()
 
 
 class DeadlineExceeded(Exception):
@@ -42,6 +41,7 @@ class Worker:
         """Start the process. Raises NotStarted."""
         context = _context()
         self.ended = False
+        self._oom_kills = oom_kills()
         self._socket, theirs = socket.socketpair()
         # pickle writes a large content to a file as it is; a copy of it would hold the interpreter,
         # and with it the event loop.
@@ -113,7 +113,7 @@ class Worker:
             return crashed(f"exit code {code}")
         if -code != signal.SIGKILL:
             return crashed(f"signal {-code}")
-        if OOM_KILLS.take():
+        if oom_kills() > self._oom_kills:
             return UnusableMesh(
                 "too-much-memory",
                 "memory ran out as this file was read, and the system ended its reader; simplify "

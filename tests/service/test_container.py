@@ -11,10 +11,10 @@ import pytest
 from meshconv3d.service.container import (
     SERVICE_BYTES,
     WORKER_BYTES,
-    OomKills,
     cpu_quota,
     default_workers,
     memory_limit,
+    oom_kills,
     usable_cpus,
 )
 from meshconv3d.service.settings import Settings
@@ -122,12 +122,13 @@ def test_a_setting_goes_before_the_container(monkeypatch: pytest.MonkeyPatch) ->
     assert Settings(workers=3).workers == 3
 
 
-def test_each_kill_is_told_once(tmp_path: Path) -> None:
+def test_kills_are_counted_in_the_own_group(tmp_path: Path) -> None:
     events = "low 0\nhigh 0\nmax 9\noom 2\noom_kill {}\n"
-    kills = OomKills(v2(tmp_path, {"a/b/memory.events": events.format(3)}))
-    assert not kills.take()
-    v2(tmp_path, {"a/b/memory.events": events.format(5)})
-    assert [kills.take() for _ in range(3)] == [True, True, False]
+    files = {"a/b/memory.events": events.format(3), "a/memory.events": events.format(7)}
+    assert oom_kills(v2(tmp_path / "2", files)) == 3
+    control = "oom_kill_disable 0\nunder_oom 0\noom_kill 4\n"
+    assert oom_kills(v1(tmp_path / "1", {"memory/a/b/memory.oom_control": control})) == 4
+    assert oom_kills(tmp_path) == 0
 
 
 @pytest.fixture
