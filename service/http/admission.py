@@ -3,6 +3,7 @@
 `Admission` counts for the whole service, `Admitted` is the share of one request.
 """
 
+import asyncio
 import math
 import time
 from collections import deque
@@ -18,6 +19,8 @@ from meshconv3d.service.workers import Job
 
 # Answers over which the rate is measured.
 RATE_WINDOW = 64
+# Seconds for which the declared length of an upload is reserved; then, only what has come.
+RESERVED_SECONDS = 2.0
 
 
 class Admission:
@@ -132,6 +135,11 @@ class Admitted:
             self._or_release(self._admission.reserve, total - self._reserved)
             self._reserved = total
 
+    def give_back_rest(self) -> None:
+        """Reserve no more than what has come."""
+        self._admission.reserved_bytes -= self._reserved - self._held
+        self._reserved = self._held
+
     def hold(self, count: int) -> None:
         """Count bytes that came. Raises Full."""
         self.reserve(self._held + count)
@@ -179,7 +187,7 @@ class AdmissionMiddleware:
     """ASGI middleware: refuses requests that could not be read, are not allowed or find no room.
 
     An upload counts as work once it is complete, so that a slow one takes no place in the queue;
-    its declared length is reserved as it begins.
+    its declared length is reserved as it begins, for a while.
     """
 
     def __init__(self, app: ASGIApp, admission: Admission, settings: Settings) -> None:
@@ -211,10 +219,12 @@ class AdmissionMiddleware:
         self._admission.arrive()
         share = Admitted(self._admission, time.monotonic() + self._settings.deadline_seconds)
         scope["state"]["admitted"] = share
+        timer = asyncio.get_running_loop().call_later(RESERVED_SECONDS, share.give_back_rest)
         try:
             share.reserve(min(declared_length(scope), self._settings.max_upload_bytes))
             await self.app(scope, receive, send)
         finally:
+            timer.cancel()
             share.release()
             self._admission.depart()
 

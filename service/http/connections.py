@@ -27,17 +27,19 @@ _SUBSTITUTE = b"GET /none HTTP/1.0\r\n\r\n"
 
 def bounded_connection(
     seconds: float, max_connections: int, admission: Admission
-) -> type[asyncio.Protocol]:
+) -> type[HttpToolsProtocol]:
     """uvicorn's protocol with bounds. seconds: until a whole request must be there."""
 
     class Connection(HttpToolsProtocol):
         _timer: asyncio.TimerHandle | None = None
         _head_bytes = 0  # of a head that is not complete yet
+        _body: list[bytes]  # of the piece that is parsed
         _error: RequestError | None = None
         _ends = False  # nothing more is read of it
 
         def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
             super().connection_made(transport)
+            self._body = []
             admission.connections = len(self.connections)
             if admission.connections > max_connections + CROWD:
                 transport.abort()
@@ -55,6 +57,7 @@ def bounded_connection(
                 piece = data[start : start + MAX_HEAD_BYTES]
                 self._head_bytes += len(piece)
                 super().data_received(piece)
+                self._pass_body()
                 if self._head_bytes > MAX_HEAD_BYTES:
                     self._refuse(_head_too_long())
 
@@ -79,10 +82,17 @@ def bounded_connection(
 
         def on_body(self, body: bytes) -> None:
             self._head_bytes = 0
-            super().on_body(body)
+            self._body.append(body)
+
+        def _pass_body(self) -> None:
+            """Hand over a piece's chunks together: uvicorn copies all that waits at each one."""
+            if self._body:
+                super().on_body(b"".join(self._body))
+                self._body.clear()
 
         def on_message_complete(self) -> None:
             self._head_bytes = 0
+            self._pass_body()
             self._stop_timer()
             super().on_message_complete()
 

@@ -1,6 +1,7 @@
 """What the server does not take is told as every error is, counted and logged; no connection is
 held for who does not go on."""
 
+import asyncio
 import json
 import socket
 import time
@@ -10,8 +11,13 @@ from pathlib import Path
 
 import httpx
 import pytest
+import uvicorn
+from starlette.types import Receive, Scope, Send
+from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
+from uvicorn.server import ServerState
 
-from meshconv3d.service.http.connections import CROWD, MAX_HEAD_BYTES
+from meshconv3d.service.http.admission import Admission
+from meshconv3d.service.http.connections import CROWD, MAX_HEAD_BYTES, bounded_connection
 from tests.processes import until
 from tests.service.conftest import Service
 from tests.service.metrics import metrics
@@ -218,3 +224,43 @@ def test_who_leaves_with_several_requests_under_way(few: Service) -> None:
         opened.sendall((head(2) + b"ab") * 3)
     until(lambda: httpx.get(f"{few.url}/v1/limits").status_code == 200)
     assert "Traceback" not in few.log.read_text()
+
+
+class Transport(asyncio.Transport):
+    """Takes what is written, to nowhere."""
+
+    def is_closing(self) -> bool:
+        return False
+
+    def write(self, data: object) -> None:
+        pass
+
+    def pause_reading(self) -> None:
+        pass
+
+    def resume_reading(self) -> None:
+        pass
+
+
+@pytest.mark.parametrize("size", [1, 7, 300])
+def test_small_chunks_are_handed_over_together(monkeypatch: pytest.MonkeyPatch, size: int) -> None:
+    """uvicorn copies all that waits for each part that it is handed."""
+    handed = []
+
+    async def app(scope: Scope, receive: Receive, send: Send) -> None:
+        await asyncio.Event().wait()
+
+    async def receive_chunks() -> None:
+        config = uvicorn.Config(app, lifespan="off", log_config=None)
+        config.load()
+        bounded = bounded_connection(30.0, 2, Admission(1, 1, 1.0, 1))
+        connection = bounded(config=config, server_state=ServerState(), app_state={})
+        connection.connection_made(Transport())
+        connection.data_received(CHUNKED % b"/")
+        monkeypatch.setattr(HttpToolsProtocol, "on_body", lambda _, body: handed.append(body))
+        connection.data_received((b"%x\r\n" % size + b"#" * size + b"\r\n") * 20_000)
+
+    asyncio.run(receive_chunks())
+    sent = 20_000 * size
+    assert b"".join(handed) == b"#" * sent
+    assert len(handed) <= 1 + 20_000 * (size + 7) // MAX_HEAD_BYTES

@@ -124,6 +124,19 @@ def test_bytes_that_uploads_hold_are_bounded(start: Callable[..., Service], ring
     assert classify(service, ring).status_code == 200
 
 
+def test_an_upload_that_declares_much_and_sends_little_keeps_no_room(
+    start: Callable[..., Service], ring: bytes
+) -> None:
+    limits = ["--max-queue-bytes", "30000", "--max-upload-bytes", "30000"]
+    service = start("--workers", "1", *limits)
+    with connection(service) as slow:
+        slow.sendall(head(30_000) + ring[:100])
+        until(lambda: value(service, "queue_bytes") == 100)
+        until(lambda: classify(service, ring).status_code == 200)
+        slow.sendall(ring[100:] + b"#" * (30_000 - len(ring)))  # it goes on where there is room
+        assert slow.recv(4096).startswith(b"HTTP/1.1 200 ")
+
+
 def test_of_many_large_uploads_at_once_those_that_fit_are_taken(
     start: Callable[..., Service], ring: bytes
 ) -> None:
