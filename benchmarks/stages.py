@@ -53,7 +53,7 @@ class Stages:
 
     def descriptors(self) -> NDArray[np.float32]:
         vertices, faces = self.prepared.vertices, self.prepared.faces
-        return terms_of(vertices, faces, self._surface, self.config)
+        return terms_of(vertices, faces, face_geometry(vertices, faces), self._surface, self.config)
 
     def inputs(self) -> dict[str, NDArray]:
         """Topology and descriptors as the graph takes them."""

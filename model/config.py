@@ -1,8 +1,7 @@
-"""The network's hyper-parameters, each with its reason."""
+"""Hyper-parameters of the network, each with its reason."""
 
-import json
 from collections.abc import Mapping
-from dataclasses import asdict, fields
+from dataclasses import fields
 from difflib import get_close_matches
 from types import MappingProxyType
 from typing import Annotated, Any, Literal
@@ -11,7 +10,6 @@ from pydantic import (
     BeforeValidator,
     ConfigDict,
     Field,
-    TypeAdapter,
     ValidationError,
     model_validator,
 )
@@ -25,7 +23,7 @@ Sizes = Annotated[tuple[Size, ...], Field(min_length=1)]
 
 @dataclass(frozen=True, config=ConfigDict(extra="forbid"))
 class NetworkConfig:
-    """Everything that shapes the network and the topology it reads.
+    """Settings of the network and of the topology that it takes as input.
 
     Raises pydantic's ValidationError, a ValueError, for values that no network can have.
     """
@@ -54,21 +52,21 @@ class NetworkConfig:
     absolute_offsets: bool = False
     """Take sum |v_i - c| for equation 1's first term, which as written is zero everywhere."""
     integral_invariants: bool = False
-    """Add a third descriptor that reads the surface around each face, across gaps, see
+    """Add a third descriptor, of the surface around each face, across gaps; see
     `model.topology.integral_invariants`."""
     pooling: Literal["geometric", "learned"] = "geometric"
-    """Which features weigh the faces in equation 5: the fixed ones of the input, or those that
-    enter the pooling."""
+    """Features that equation 5 compares: the fixed ones of the input, or those that enter the
+    pooling."""
     pooling_norm: Literal["squared", "plain"] = "squared"
     """Of the feature differences in equation 5."""
     literal_pooling: bool = False
     """Follow section III.C to the letter at borders and in the pooled average, see `pool_faces`;
     needs learned pooling."""
     readout: Literal["mean", "mean-peak"] = "mean"
-    """What is classified of the last level's features: their mean over the faces, or beside it one
-    near the greatest of each channel, see `weight_peaks`."""
+    """Input of the classifier: the mean of the last level's features over the faces, or beside it
+    a mean close to the maximum of each channel, see `weight_peaks`."""
     dropout: Annotated[float, Field(ge=0, lt=1)] = 0.0
-    """Share of what is classified that training leaves out at random."""
+    """Share of the classifier's inputs that training sets to zero at random."""
 
     @model_validator(mode="after")
     def _check(self) -> "NetworkConfig":
@@ -89,17 +87,6 @@ class NetworkConfig:
         """The settings of pooling."""
         return TopologyOptions(self.pooling_norm == "squared", self.literal_pooling)
 
-    def to_json(self) -> str:
-        return json.dumps(asdict(self))
-
-    @classmethod
-    def from_json(cls, text: str) -> "NetworkConfig":
-        """Read what `to_json` wrote, in this format version or the one before.
-
-        Raises ValueError for anything else.
-        """
-        return TypeAdapter(StoredConfig).validate_json(text)
-
 
 def _upgrade(values: Any) -> Any:
     """Settings of format version 2 as those of version 3."""
@@ -112,14 +99,14 @@ def _upgrade(values: Any) -> Any:
     return values
 
 
-# Settings that have another name now, and those that are gone, with the value all networks have.
+# Settings of version 2 that were renamed, and those that were removed, with the value now fixed.
 _RENAMED = {"surroundings": "integral_invariants"}
 _REMOVED = {"patch_padding": "null", "pooling_survivor": True}
 
 StoredConfig = Annotated[NetworkConfig, BeforeValidator(_upgrade)]
-"""A configuration in a file, of this format version or the one before."""
+"""Configuration in a file, of this format version or the one before."""
 
-# Named networks: what differs from the defaults above.
+# Presets: differences from the defaults above.
 PRESETS: dict[str, dict[str, Any]] = {
     "default": {},
     "objects": {
@@ -128,7 +115,7 @@ PRESETS: dict[str, dict[str, Any]] = {
         "readout": "mean-peak",
         "dropout": 0.3,
     },
-    # The paper to the letter: sums over the K = 10 other faces, and no choice of ours.
+    # The paper to the letter, with sums over the K = 10 other faces.
     "paper": {
         "axes": "file",
         "patch_size": 11,
@@ -142,7 +129,7 @@ PRESETS: dict[str, dict[str, Any]] = {
 def preset(
     name: str, classes: tuple[str, ...], settings: Mapping[str, Any] = MappingProxyType({})
 ) -> NetworkConfig:
-    """The named network over these classes, with other settings by field name.
+    """Configuration of a preset over these classes. settings: changes to it, by field name.
 
     Raises ValueError for an unknown name, and for settings that no network can have.
     """
@@ -165,5 +152,5 @@ def preset(
 
 
 def in_one_line(error: ValidationError) -> str:
-    """What is wrong with which field, for the messages of other errors."""
+    """Field and message of each mistake, for the messages of other errors."""
     return "; ".join(f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors())

@@ -1,9 +1,8 @@
-"""Compilation of kernels: with numba, without Python's lock, and cached on disk.
+"""Compilation of kernels with numba: without the interpreter's lock, and cached on disk.
 
-A kernel may call kernels of other modules. numba stamps what it caches with the source of one
-file, and would run the machine code of a callee that has changed since. The stamp of this cache
-covers every module of the package that defines kernels, whose constants must therefore come from
-such modules, too.
+A kernel may call kernels of other modules. numba's own cache compares the source of one file only,
+and would run outdated machine code of a callee in another. The stamp of this cache covers all
+modules of the package that define kernels; constants of kernels must be in such modules, too.
 """
 
 import hashlib
@@ -30,12 +29,11 @@ PACKAGE = Path(__file__).parent
 
 
 def kernel(function: Callable[..., Any]) -> Any:
-    """Compile a function with numba at its first call, for the types of the arguments.
+    """Compile a function at its first call, for the types of the arguments.
 
-    The result is cached in NUMBA_CACHE_DIR, beside the source, or in the user's cache folder: the
-    first that can be written to. A given NUMBA_CACHE_DIR need only be readable, as in an image
-    with a read-only file system. Without any such folder, or where the disk is full, every process
-    compiles its kernels itself.
+    The machine code is cached in NUMBA_CACHE_DIR, beside the source, or in the user's cache folder:
+    the first that is writable. NUMBA_CACHE_DIR need only be readable, as in an image with a
+    read-only file system. Without a cache, every process compiles its kernels.
     """
     compiled: Any = njit(nogil=True)(function)
     try:
@@ -47,10 +45,7 @@ def kernel(function: Callable[..., Any]) -> Any:
 
 
 def inlined(function: Callable[..., Any]) -> Any:
-    """Part of kernels, which have its code in the place of each call.
-
-    For steps over single bytes: a call takes longer than such a step.
-    """
+    """Inline a function into the kernels that call it, where a call would cost more than it."""
     return njit(inline="always")(function)
 
 
@@ -89,7 +84,7 @@ class _KernelCacheImpl(CompileResultCacheImpl):
 
 
 class _KernelCache(FunctionCache):
-    """A cache that never fails: what it cannot read or keep is compiled again."""
+    """Cache without failures: entries that cannot be read or written are compiled again."""
 
     _impl_class = _KernelCacheImpl
 

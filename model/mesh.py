@@ -1,4 +1,4 @@
-"""The mesh value: vertices and triangles that are known to be sound."""
+"""Mesh: vertices and triangles, checked when it is made."""
 
 from dataclasses import dataclass
 
@@ -10,11 +10,11 @@ from meshconv3d.model.errors import UnusableMesh
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """An immutable triangle mesh; one that exists is valid.
+    """Immutable, valid triangle mesh.
 
     vertices: V x 3 float64, finite, not all in one point.
     faces: F x 3 int32, F >= 1, every entry in [0, V).
-    note: what reading left out or had to guess, as a sentence for people; mostly empty.
+    note: parts that reading left out or guessed, as a sentence for people; mostly empty.
 
     Raises UnusableMesh, naming the fault and its count, when the arrays are anything else.
     """

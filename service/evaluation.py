@@ -1,21 +1,25 @@
-"""Evaluation of a model on labelled files, which are classified as those of any user.
+"""Evaluation of a model on labelled files, classified as those of any user.
 
-`Report` is its one public form: in a terminal's tables (`service.evaluation_output`) and as JSON.
+`Report` is its one public form: in a terminal's tables (`service.cli.evaluate`) and as JSON.
 """
 
+import json
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import BaseModel, Field
 
 from meshconv3d.model import metrics
 from meshconv3d.model.datasets import Sample
-from meshconv3d.model.metrics import CALIBRATION_BINS, Predictions
 from meshconv3d.service.classifier import Classifier
 from meshconv3d.service.models import Model
+from meshconv3d.service.output_files import replacing
 from meshconv3d.service.prediction import Failure, ModelId, Prediction, Result
+from meshconv3d.service.records import readable, record
 
 DIGITS = 6
 
@@ -28,29 +32,22 @@ class DataId(BaseModel):
     part: str = Field(examples=["test"])
 
 
-class Spread(BaseModel):
-    """Milliseconds that 50 % and 95 % of the classified files stay within."""
-
-    median: float
-    p95: float
-
-
 class Timing(BaseModel):
-    """stages_ms: each stage, and as `total` all of them, of the files that were classified."""
+    """stages_ms: `median` and `p95` of each stage, and of all as `total`, over classified files."""
 
-    stages_ms: dict[str, Spread]
+    stages_ms: dict[str, dict[str, float]]
     files_per_second: float = Field(description="by the clock, refused files included")
 
 
 class Mistake(BaseModel):
-    """A wrong answer, and how many files of a class got it."""
+    """Wrong answer, with the number of files of a class that got it."""
 
     class_: str = Field(serialization_alias="class")
     files: int
 
 
 class ClassFigures(BaseModel):
-    """One class of the model. recall is null without files, precision if it was never answered."""
+    """Figures of one class. recall is null without files, precision if it was never answered."""
 
     class_: str = Field(serialization_alias="class")
     files: int
@@ -65,10 +62,8 @@ class Report(BaseModel):
 
     top5_accuracy is null for a model of five classes or fewer, and what is measured on answers is
     null if there are none. balanced_accuracy: mean recall of the classes that have files.
-    calibration_error: mean over bins of equal width of the highest probability, weighted by their
-    files, of |share right - mean probability|. negative_log_likelihood: mean of -ln(probability of
-    the true class). confusion: answered files by class (rows) and answer (columns), in the order
-    of `classes`.
+    calibration_error, negative_log_likelihood: see `model.metrics`. confusion: answered files by
+    class (rows) and answer (columns), in the order of `classes`.
     """
 
     model: ModelId
@@ -84,7 +79,7 @@ class Report(BaseModel):
     top5_accuracy: float | None
     balanced_accuracy: float
     calibration_error: float | None
-    calibration_bins: int = CALIBRATION_BINS
+    calibration_bins: int = metrics.CALIBRATION_BINS
     negative_log_likelihood: float | None
     timing: Timing | None
     classes: list[ClassFigures]
@@ -110,89 +105,94 @@ def classify_samples(classifier: Classifier, samples: Sequence[Sample]) -> Itera
 def summarise(
     model: Model, data: DataId, results: Sequence[LabelledResult], seconds: float
 ) -> Report:
-    """The report on files that were classified in `seconds` altogether.
-
-    Raises ValueError for no files, and for a label that is no class of the model.
-    """
+    """Report on one file or more, which were classified in `seconds` altogether."""
     classes = model.card.config.classes
-    predictions = _predictions(classes, results)
+    answered = [one for one in results if isinstance(one.result, Prediction)]
+    predictions = [one.result for one in answered if isinstance(one.result, Prediction)]
+    labels = np.array([classes.index(one.sample.label) for one in answered], np.intp)
+    probabilities = np.array([found.probabilities for found in predictions])
+    probabilities = probabilities.reshape(len(labels), len(classes))
+    confusion = metrics.confusion_matrix(labels, probabilities)
     reasons = Counter(one.result.fault for one in results if isinstance(one.result, Failure))
-    unknown = [one for one in results if isinstance(one.result, Prediction) and one.result.unknown]
-    answers = not predictions.refused.all()
-
-    def rounded(metric: Callable[..., float], **options: int) -> float:
-        return round(metric(predictions, **options), DIGITS)
-
+    files = Counter(one.sample.label for one in results)
+    figures = _class_figures(classes, files, confusion)
+    recalls = [one.recall for one in figures if one.recall is not None]
+    right, right5 = (
+        round(float(metrics.is_among_top(labels, probabilities, top).sum()) / len(results), DIGITS)
+        for top in (1, 5)
+    )
+    measured = [None, None]
+    if predictions:
+        measured = [
+            round(measure(labels, probabilities), DIGITS)
+            for measure in (metrics.calibration_error, metrics.negative_log_likelihood)
+        ]
     return Report(
         model=model.id,
         data=data,
         files=len(results),
         refused=reasons.total(),
         reasons=dict(reasons.most_common()),
-        unknown=len(unknown) if model.card.calibration else None,
-        accuracy=rounded(metrics.accuracy),
-        top5_accuracy=rounded(metrics.accuracy, top=5) if len(classes) > 5 else None,
-        balanced_accuracy=rounded(metrics.balanced_accuracy),
-        calibration_error=rounded(metrics.calibration_error) if answers else None,
-        negative_log_likelihood=rounded(metrics.negative_log_likelihood) if answers else None,
-        timing=_timing(results, seconds) if answers else None,
-        classes=_class_figures(classes, predictions),
-        confusion=metrics.confusion_matrix(predictions).tolist(),
+        unknown=sum(bool(p.unknown) for p in predictions) if model.card.calibration else None,
+        accuracy=right,
+        top5_accuracy=right5 if len(classes) > 5 else None,
+        balanced_accuracy=round(sum(recalls) / len(recalls), DIGITS),
+        calibration_error=measured[0],
+        negative_log_likelihood=measured[1],
+        timing=_timing(predictions, len(results) / seconds) if predictions else None,
+        classes=figures,
+        confusion=confusion.tolist(),
     )
 
 
-def _predictions(classes: Sequence[str], results: Sequence[LabelledResult]) -> Predictions:
-    index = {name: number for number, name in enumerate(classes)}
-    if unknown := {one.sample.label for one in results} - set(index):
-        raise ValueError(f"labels that are no class of the model: {sorted(unknown)}")
-    probabilities = np.zeros((len(results), len(classes)))
-    refused = np.zeros(len(results), dtype=bool)
-    for row, one in enumerate(results):
-        if isinstance(one.result, Prediction):
-            probabilities[row] = one.result.probabilities
-        else:
-            refused[row] = True
-    labels = np.array([index[one.sample.label] for one in results], dtype=np.intp)
-    return Predictions(labels, probabilities, refused)
-
-
-def _timing(results: Sequence[LabelledResult], seconds: float) -> Timing:
-    timings = [r.result.timings_ms for r in results if isinstance(r.result, Prediction)]
+def _timing(predictions: Sequence[Prediction], rate: float) -> Timing:
+    timings = [prediction.timings_ms for prediction in predictions]
     stages = {stage: [timing[stage] for timing in timings] for stage in timings[0]}
     stages["total"] = [sum(timing.values()) for timing in timings]
+    spreads = {stage: np.percentile(values, [50, 95]).round(3) for stage, values in stages.items()}
     return Timing(
-        stages_ms={stage: _spread(values) for stage, values in stages.items()},
-        files_per_second=round(len(results) / seconds, 3),
+        stages_ms={stage: {"median": a, "p95": b} for stage, (a, b) in spreads.items()},
+        files_per_second=round(rate, 3),
     )
 
 
-def _spread(values: Sequence[float]) -> Spread:
-    median, p95 = np.percentile(values, [50, 95])
-    return Spread(median=round(float(median), 3), p95=round(float(p95), 3))
-
-
-def _class_figures(classes: Sequence[str], predictions: Predictions) -> list[ClassFigures]:
-    files = metrics.class_counts(predictions)
-    refused = metrics.refused_counts(predictions)
-    recalls, precisions = metrics.recalls(predictions), metrics.precisions(predictions)
-    wrong = metrics.confusion_matrix(predictions)
-    np.fill_diagonal(wrong, 0)
-    return [
-        ClassFigures(
-            class_=name,
-            files=int(files[i]),
-            refused=int(refused[i]),
-            recall=_or_none(recalls[i]),
-            precision=_or_none(precisions[i]),
-            mistaken_for=(
-                Mistake(class_=classes[int(wrong[i].argmax())], files=int(wrong[i].max()))
-                if wrong[i].any()
-                else None
-            ),
+def _class_figures(
+    classes: Sequence[str], files: Counter[str], confusion: NDArray[np.intp]
+) -> list[ClassFigures]:
+    """files: by class. confusion: see `Report`."""
+    found = []
+    for i, name in enumerate(classes):
+        right, answers = int(confusion[i, i]), int(confusion[:, i].sum())
+        others = confusion[i] * (np.arange(len(classes)) != i)
+        worst = Mistake(class_=classes[int(others.argmax())], files=int(others.max()))
+        found.append(
+            ClassFigures(
+                class_=name,
+                files=files[name],
+                refused=files[name] - int(confusion[i].sum()),
+                recall=round(right / files[name], DIGITS) if files[name] else None,
+                precision=round(right / answers, DIGITS) if answers else None,
+                mistaken_for=worst if worst.files else None,
+            )
         )
-        for i, name in enumerate(classes)
-    ]
+    return found
 
 
-def _or_none(share: float) -> float | None:
-    return None if np.isnan(share) else round(float(share), DIGITS)
+def write_files(folder: Path, report: Report, results: Sequence[LabelledResult]) -> None:
+    """Write the report, its confusion matrix as a picture, and a record for each file, in order.
+
+    Needs matplotlib, of the extra `train`. Raises OSError.
+    """
+    from meshconv3d.model.training.plots import draw_confusion
+
+    with replacing(folder / "report.json") as file:
+        file.write(report.model_dump_json(by_alias=True).encode() + b"\n")
+    with replacing(folder / "predictions.jsonl") as file:
+        for one in results:
+            found = record(readable(str(one.sample.path)), one.result)
+            line = found.model_dump(mode="json", by_alias=True) | {"truth": one.sample.label}
+            file.write(json.dumps(line).encode() + b"\n")
+    classes = [figures.class_ for figures in report.classes]
+    refused = np.array([figures.refused for figures in report.classes])
+    with replacing(folder / "confusion.png") as file:
+        draw_confusion(classes, np.array(report.confusion), refused, file)

@@ -2,7 +2,7 @@
 
 import os
 
-from pydantic import AliasChoices, BaseModel, Field, TypeAdapter
+from pydantic import AliasChoices, BaseModel, Field
 
 from meshconv3d.model.preparation import MeshReport
 from meshconv3d.service.prediction import Failure, ModelId, Prediction, Result
@@ -48,9 +48,6 @@ class Refusal(BaseModel):
     error: Failure
 
 
-_RECORD: TypeAdapter[Answer | Refusal] = TypeAdapter(Answer | Refusal)
-
-
 def record(file: str | None, result: Result, top: int | None = None) -> Answer | Refusal:
     """Record of a file's result, with the `top` likeliest classes, or all."""
     if isinstance(result, Failure):
@@ -82,11 +79,6 @@ def answer(file: str | None, prediction: Prediction, top: int | None = None) -> 
 def to_json(record: BaseModel) -> bytes:
     """JSON of a record, on one line."""
     return record.model_dump_json(by_alias=True).encode()
-
-
-def parse_record(content: bytes) -> Answer | Refusal:
-    """A record from its JSON, as in a journal. Raises ValueError for anything else."""
-    return _RECORD.validate_json(content)
 
 
 def readable(file: str) -> str:

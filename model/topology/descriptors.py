@@ -1,4 +1,4 @@
-"""The fixed geometric terms under the learned descriptors (paper, equations 1 and 2)."""
+"""Geometric terms, the input of the learned descriptors (paper, equations 1 and 2)."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,7 @@ from meshconv3d.model.topology.geometry import (
 GEODESIC_TERMS = ("corner offsets", "corner normals", "apex edge differences")
 GEOMETRIC_TERMS = ("centroid", "normal", "centroid differences", "normal cross products")
 
-# In radii of the unit sphere. A shorter vector points nowhere in particular.
+# In radii of the unit sphere. The direction of a shorter vector is noise.
 SHORTEST_TANGENT = 1e-3
 
 
@@ -89,11 +89,11 @@ def descriptor_terms(
 
 @kernel
 def pooling_features(geometry: FaceGeometry) -> NDArray[np.float32]:
-    """What the `geometric` reading of equation 5 compares: centroid and normal, F x 6.
+    """Features that geometric pooling compares in equation 5: centroid and normal, F x 6.
 
-    They are equation 2's terms that turn with the mesh, in axes that all faces share. The others
-    take absolute values per component: a rotation would change their distances, and with them the
-    faces that collapse.
+    These terms of equation 2 rotate with the mesh, so that distances between them do not change.
+    The other terms take absolute values per component: a rotation would change their distances, and
+    with them the faces that collapse.
     """
     centroids, normals = _centroids_and_normals(geometry)
     features = np.empty((len(centroids), 6), np.float32)

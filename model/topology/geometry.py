@@ -1,4 +1,4 @@
-"""Measures of triangles, and the 3-vectors that kernels calculate with."""
+"""Measures of triangles, and operations on 3-vectors for kernels."""
 
 from typing import NamedTuple
 
@@ -11,10 +11,10 @@ Vector = tuple[float, float, float]
 
 
 class FaceGeometry(NamedTuple):
-    """What centroid, normal and area of F triangles follow from, by one division each.
+    """Centroids, normals and areas of F triangles, before the division that each needs.
 
-    corner_sums: F x 3 float64, three times the centroid. crosses: F x 3, along the normal and twice
-    as long as the area is large. doubles: F, twice the area.
+    corner_sums: F x 3 float64, three times the centroid. crosses: F x 3, the cross product of two
+    edges: its direction is the normal. doubles: F, its length, twice the area.
     """
 
     corner_sums: NDArray[np.float64]

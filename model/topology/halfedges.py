@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshconv3d.model.jit import kernel
+from meshconv3d.model.topology.geometry import length, row, subtract
 
 
 @kernel
@@ -124,11 +125,8 @@ def edge_lengths(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> NDA
     lengths = np.empty(3 * len(faces))
     for f in range(len(faces)):
         for s in range(3):
-            u, v = faces[f, s], faces[f, (s + 1) % 3]
-            square = 0.0
-            for k in range(3):
-                square += (vertices[u, k] - vertices[v, k]) ** 2
-            lengths[3 * f + s] = np.sqrt(square)
+            step = subtract(row(vertices, faces[f, s]), row(vertices, faces[f, (s + 1) % 3]))
+            lengths[3 * f + s] = length(step)
     return lengths
 
 

@@ -32,7 +32,7 @@ def mesh_inputs(mesh: Mesh, config: NetworkConfig) -> MeshInputs:
     """Descriptor terms and topology of a prepared mesh."""
     surface = Surface.of(mesh)
     geometry = face_geometry(mesh.vertices, mesh.faces)
-    terms = _terms(mesh.vertices, mesh.faces, geometry, surface, config)
+    terms = terms_of(mesh.vertices, mesh.faces, geometry, surface, config)
     if config.pooling == "learned":
         return MeshInputs(terms, surface, None)
     features = pooling_features(geometry)
@@ -43,20 +43,14 @@ def mesh_inputs(mesh: Mesh, config: NetworkConfig) -> MeshInputs:
 
 
 def terms_of(
-    vertices: NDArray[np.float64], faces: NDArray[np.int32], surface: Surface, config: NetworkConfig
-) -> NDArray[np.float32]:
-    """The descriptors' input for each face, F x E: the 3 D numbers of `descriptor_terms` and,
-    where the network has them, the M of `integral_invariants`."""
-    return _terms(vertices, faces, face_geometry(vertices, faces), surface, config)
-
-
-def _terms(
     vertices: NDArray[np.float64],
     faces: NDArray[np.int32],
     geometry: FaceGeometry,
     surface: Surface,
     config: NetworkConfig,
 ) -> NDArray[np.float32]:
+    """The descriptors' input for each face, F x E: the 3 D numbers of `descriptor_terms` and,
+    where the network has them, the M of `integral_invariants`."""
     own_axes = config.axes == "face"
     terms = descriptor_terms(
         vertices, faces, surface.twin, geometry, config.absolute_offsets, own_axes

@@ -1,9 +1,9 @@
-"""Integral invariants: the surface around each face, measured in balls and across gaps.
+"""Integral invariants: measures of the surface in balls around each face, across gaps.
 
-Equations 1 and 2 look one face far, patches a few, and neither ever crosses from one part of a
-thing to another. These measures count all surface near a face, of whichever part, within balls of
-growing radius (integral invariants, as in Pottmann et al. 2009), and say where in the whole the
-face lies. No rotation of the mesh changes them, and neither does the side to which a face is wound.
+Equations 1 and 2 reach one face far, patches a few, and neither reaches other parts of the mesh.
+These measures cover all surface near a face, of every part, within balls of growing radius (as in
+Pottmann et al. 2009), and the position of the face in the whole mesh. They depend neither on the
+rotation of the mesh nor on the winding of its faces.
 """
 
 import math

@@ -1,14 +1,14 @@
 """Pooling by face collapse on half-edges (paper, section III.C).
 
 Collapsing face f removes f and its neighbours. Every removed neighbour *bridges* its two outer
-sides: whoever looks in through one looks out through the other, through several neighbours in a
-row where they touch. Two faces that share two sides afterwards are a *flap* of no volume; both
-go, and the faces behind their third sides become twins.
+sides: the faces across them become twins, through several removed neighbours in a row where these
+touch. Two faces that then share two sides are a *flap* without volume: both are removed, and the
+faces across their third sides become twins.
 
-A pass walks the faces by ascending weight (equation 5) and collapses each one whose region, the
-face, its neighbours and the faces across their outer sides, is still untouched in this pass.
-Regions of one pass are disjoint, so that collapsing them one after the other equals collapsing
-them at once, and the living faces can be counted exactly, flaps included, while selecting.
+A pass visits the faces by ascending weight (equation 5) and collapses each face whose region (the
+face, its neighbours and the faces across their outer sides) is untouched in this pass. Regions of
+one pass are disjoint, so that collapsing them one after the other equals collapsing them at once,
+and the remaining faces, flaps included, are counted exactly.
 
 A collapse is undone when it would empty its component or fall more than SLACK below the target.
 Passes repeat until the target is met or a pass removes nothing.
@@ -54,7 +54,8 @@ def pool_faces(
     while living > target:
         means = _average(features, offsets, members, shares, literal)
         weights = _weigh(twin, means, alive, squared, literal)
-        order = _ascending(weights, np.flatnonzero(alive))
+        order = np.flatnonzero(alive)
+        order = order[np.argsort(weights[order], kind="mergesort")]  # stable
         before = twin.copy()
         touched, regions, removed = _collapse_pass(twin, alive, order, living, target)
         if removed == 0:
@@ -123,40 +124,6 @@ def _weigh(
 
 
 @kernel
-def _ascending(weights: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.int64]:
-    """The faces by weight, equal ones in the order given.
-
-    A radix sort, by one byte of the weights after the other: no branch hangs on what they are, and
-    numbers that are not negative compare as their bits do.
-    """
-    keys = weights.view(np.uint64)[faces]
-    sorted_keys = np.empty_like(keys)
-    sorted_faces = np.empty_like(faces)
-    # How many keys have a value in a byte; then, where the next of them goes.
-    places = np.zeros((8, 256), np.uint32)
-    for key in keys:
-        for byte in range(8):
-            places[byte, _value(key, byte)] += 1
-    for byte in range(8):
-        start = 0
-        for value in range(256):
-            places[byte, value], start = start, start + places[byte, value]
-        for i in range(len(keys)):
-            place = places[byte, _value(keys[i], byte)]
-            places[byte, _value(keys[i], byte)] += 1
-            sorted_keys[place] = keys[i]
-            sorted_faces[place] = faces[i]
-        keys, sorted_keys = sorted_keys, keys
-        faces, sorted_faces = sorted_faces, faces
-    return faces
-
-
-@kernel
-def _value(key: np.uint64, byte: int) -> np.uint64:
-    return (key >> np.uint64(8 * byte)) & np.uint64(255)
-
-
-@kernel
 def _collapse_pass(
     twin: NDArray[np.int32],
     alive: NDArray[np.bool_],
@@ -173,7 +140,7 @@ def _collapse_pass(
     faces = len(alive)
     regions = np.full(faces, -1, np.int32)
     touched = np.full((faces, 3), -1, np.int32)
-    # What an attempt changed, to undo it: half-edges with their old twins, and faces killed.
+    # Log of a collapse, to undo it: half-edges with their old twins, and removed faces.
     changed = np.empty(faces + 16, np.int32)
     old_twin = np.empty(faces + 16, np.int32)
     killed = np.empty(faces + 16, np.int32)

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from meshconv3d.model.config import NetworkConfig
 from meshconv3d.model.preparation import into_unit_sphere
+from meshconv3d.model.topology.geometry import face_geometry
 from meshconv3d.model.topology.inputs import MeshInputs, terms_of
 from meshconv3d.model.training.meshes import LabelledMesh
 
@@ -40,7 +41,8 @@ class Augmentation:
         vertices = vertices * rng.uniform(1 - self.scale, 1 + self.scale, 3)
         vertices = vertices + rng.normal(0.0, self.jitter, vertices.shape)
         vertices = into_unit_sphere(vertices, faces)
-        return replace(sample.inputs, terms=terms_of(vertices, faces, surface, config))
+        geometry = face_geometry(vertices, faces)
+        return replace(sample.inputs, terms=terms_of(vertices, faces, geometry, surface, config))
 
 
 def _waves(

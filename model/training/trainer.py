@@ -130,7 +130,7 @@ class Trainer:
             data.update(version.mesh.vertices.tobytes() + version.mesh.faces.tobytes())
             data.update(version.label.to_bytes(4, "little"))
         return json.dumps(
-            [self.network.config.to_json(), asdict(self.training), data.hexdigest()],
+            [json.dumps(asdict(self.network.config)), asdict(self.training), data.hexdigest()],
             sort_keys=True,
         )
 

@@ -1,8 +1,8 @@
-"""`meshconv3d evaluate`: a labelled folder in, how good a model is on it out."""
+"""`meshconv3d evaluate`: figures of a model on a labelled folder."""
 
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,7 +11,10 @@ import click
 from meshconv3d.service.cli.setup import load_classifier, usage_errors
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from meshconv3d.model.datasets import Sample
+    from meshconv3d.service.evaluation import ClassFigures, LabelledResult, Report
 
 
 @click.command()
@@ -54,11 +57,12 @@ def evaluate(
     with 0 if every file was classified, 1 if some were not, 2 if the call itself is wrong.
     """
     if out:
-        # Now, since it needs an extra: after an hour of work it is too late to say so.
+        # First, as it needs an extra that may be missing.
         import meshconv3d.model.training.plots  # noqa: F401
-    from meshconv3d.service.cli.terminal import with_progress
-    from meshconv3d.service.evaluation import DataId, classify_samples, summarise
-    from meshconv3d.service.evaluation_output import print_evaluation, write_files
+    from rich.console import Console
+    from rich.progress import track
+
+    from meshconv3d.service.evaluation import DataId, classify_samples, summarise, write_files
     from meshconv3d.service.records import readable
 
     classifier = load_classifier(model)
@@ -66,7 +70,17 @@ def evaluate(
     if out:
         out.mkdir(parents=True, exist_ok=True)
     started = time.perf_counter()
-    results = list(with_progress(classify_samples(classifier, samples), len(samples)))
+    console = Console(stderr=True)
+    results = list(
+        track(
+            classify_samples(classifier, samples),
+            "Classifying",
+            len(samples),
+            console=console,
+            transient=True,
+            disable=len(samples) == 1 or not console.is_terminal,
+        )
+    )
     seconds = time.perf_counter() - started
     split = readable(str(split_file)) if split_file else None
     measured = DataId(folder=readable(str(data)), split_file=split, part=part)
@@ -76,7 +90,7 @@ def evaluate(
     if as_json or not sys.stdout.isatty():
         click.echo(report.model_dump_json(by_alias=True).encode())
     else:
-        print_evaluation(report, results)
+        _print(report, results)
     ctx.exit(1 if report.refused else 0)
 
 
@@ -101,3 +115,92 @@ def _find(data: Path, split_file: Path | None, part: str, known: Sequence[str]) 
             "(meshconv3d inspect MODEL shows those that it knows)"
         )
     return samples
+
+
+def _print(report: "Report", results: "Sequence[LabelledResult]") -> None:
+    """Tables of the report, and below them why files were refused."""
+    from rich.console import Console
+
+    from meshconv3d.service.cli.terminal import shown
+    from meshconv3d.service.prediction import Failure
+    from meshconv3d.service.records import readable
+
+    console = Console(highlight=False)
+    console.print(_figures(report))
+    if report.timing:
+        stages = _table("Stage", "Median", "95 % within")
+        for stage, spread in report.timing.stages_ms.items():
+            stages.add_row(stage, f"{spread['median']:.2f} ms", f"{spread['p95']:.2f} ms")
+        console.print("", stages, sep="\n")
+    console.print("", _classes(report.classes), sep="\n")
+    for one in results:
+        if isinstance(one.result, Failure):
+            file, message = readable(str(one.sample.path)), one.result.message
+            console.print(f"[red]{shown(file)}: {shown(message)}[/red]", soft_wrap=True)
+
+
+def _figures(report: "Report") -> "Table":
+    from rich.table import Table
+
+    right = sum(row[i] for i, row in enumerate(report.confusion))
+    reasons = ", ".join(f"{fault} {count}" for fault, count in report.reasons.items())
+    calibration = (
+        "mean over files of |accuracy - confidence| in the file's bin, "
+        f"one of {report.calibration_bins} of equal width"
+    )
+    likelihood = "mean of -ln(probability of the true class)"
+    table = Table(box=None, pad_edge=False, show_header=False)
+    table.add_column(no_wrap=True)
+    table.add_column(justify="right", style="bold", no_wrap=True)
+    table.add_column()
+    table.add_row("Accuracy", _share(report.accuracy), f"{right} of {report.files} files")
+    if report.top5_accuracy is not None:
+        table.add_row("Top-5 accuracy", _share(report.top5_accuracy))
+    table.add_row("Balanced accuracy", _share(report.balanced_accuracy), "mean recall of classes")
+    table.add_row("Refused", f"{report.refused}", reasons)
+    if report.unknown is not None:
+        share = f"{report.unknown / report.files:.1%} of the files"
+        table.add_row("Called unknown", f"{report.unknown}", share)
+    table.add_row("Calibration error", _number(report.calibration_error), calibration)
+    table.add_row("Negative log-likelihood", _number(report.negative_log_likelihood), likelihood)
+    if report.timing:
+        table.add_row("Files per second", f"{report.timing.files_per_second:.1f}")
+    return table
+
+
+def _classes(classes: "Iterable[ClassFigures]") -> "Table":
+    """Figures of the classes that have files."""
+    from meshconv3d.service.cli.terminal import shown
+
+    table = _table("Class", "Meshes", "Refused", "Recall", "Precision")
+    table.add_column("Mostly mistaken for", overflow="fold")
+    for one in classes:
+        if one.files:
+            mistake = one.mistaken_for
+            table.add_row(
+                shown(one.class_),
+                f"{one.files}",
+                f"{one.refused}",
+                _share(one.recall),
+                _share(one.precision),
+                f"{shown(mistake.class_)} {mistake.files}" if mistake else "",
+            )
+    return table
+
+
+def _table(name: str, *numbers: str) -> "Table":
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False)
+    table.add_column(name, overflow="fold")
+    for heading in numbers:
+        table.add_column(heading, justify="right", no_wrap=True)
+    return table
+
+
+def _share(value: float | None) -> str:
+    return "-" if value is None else f"{value:.1%}"
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.3f}"

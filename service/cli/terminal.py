@@ -2,9 +2,9 @@
 
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
-from typing import Self, TypeVar
+from typing import Self
 
 import click
 from rich.console import Console
@@ -16,7 +16,6 @@ from rich.progress import (
     TaskID,
     TextColumn,
     TimeRemainingColumn,
-    track,
 )
 from rich.progress import Progress as Bar
 from rich.table import Table
@@ -25,8 +24,6 @@ from meshconv3d.service.batch.listing import Listing
 from meshconv3d.service.batch.running import Tally
 from meshconv3d.service.prediction import Failure, Result
 from meshconv3d.service.records import record, to_json
-
-Item = TypeVar("Item")
 
 # Rows that are printed as one table: columns can be measured only once all rows are there.
 PAGE = 1000
@@ -42,19 +39,6 @@ def printable(text: str) -> str:
 def shown(text: str) -> str:
     """Printable text without markup, for rich."""
     return escape(printable(text))
-
-
-def with_progress(items: Iterable[Item], total: int) -> Iterator[Item]:
-    """The items as they come, under a bar on stderr; no bar for one, or without a terminal."""
-    console = Console(stderr=True)
-    yield from track(
-        items,
-        "Classifying",
-        total,
-        console=console,
-        transient=True,
-        disable=total == 1 or not console.is_terminal,
-    )
 
 
 class Progress:

@@ -1,7 +1,7 @@
 """Checkpoints come back as they were, and other files are refused."""
 
 import json
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import pytest
@@ -137,7 +137,7 @@ def test_damaged_metadata_is_refused(saved, changes):
 
 
 def test_weights_that_do_not_fit_their_configuration_are_refused(config, saved):
-    other = json.loads(config.to_json()) | {"channels": [8, 12, 20]}
+    other = asdict(config) | {"channels": [8, 12, 20]}
     with pytest.raises(CheckpointError, match="is not a meshconv3d checkpoint"):
         load_checkpoint(resaved(saved, config=json.dumps(other)))
 
