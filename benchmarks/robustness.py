@@ -1,74 +1,90 @@
 """Accuracy on changed test meshes: `python -m benchmarks.robustness DATA`.
 
-Takes the test meshes of a data set, changes each in one way, sends it through the shipped model's
-whole pipeline, and prints the accuracy for every kind of change. The training copies of
-`model.training.variation` are of similar kinds, but of training meshes alone. Keeps the table
-as JSON in benchmarks/results/.
+Takes the test meshes of a data set, changes each in one way of `benchmarks.corruptions`, sends it
+through the model's whole pipeline, and prints the accuracy for every kind of change; beside it
+that of the nearest Laplace-Beltrami spectrum among the prepared training meshes, and at the end
+the mean corruption error, see `docs/figures.md`. Keeps the tables as JSON in benchmarks/results/;
+that of the spectra is only read where it is there already.
 """
 
 import argparse
 import json
 from collections.abc import Callable
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-import trimesh
+from scipy.spatial import KDTree
 
-from meshconv3d.model.datasets import find_samples
-from meshconv3d.model.errors import UnusableMesh
+from benchmarks.baseline_methods.spectrum import Spectrum, log_spectrum
+from benchmarks.corruptions import FILES, SHAPES
+from meshconv3d.model.datasets import Sample, find_samples
+from meshconv3d.model.errors import MeshError
 from meshconv3d.model.loading import load_mesh
 from meshconv3d.model.mesh import Mesh
 from meshconv3d.model.preparation import prepare
-from meshconv3d.model.training import variation
-from meshconv3d.model.training.augmentation import random_rotation
 from meshconv3d.service.classifier import Classifier
 
 RESULTS = Path(__file__).parent / "results"
+FACE_BUDGET = 500
+UNCHANGED = "unchanged"
 
-Change = Callable[[Mesh, np.random.Generator], Mesh]
+Answer = Callable[[Mesh], str]
+Table = dict[str, float]
 
 
-def with_stray_part(mesh: Mesh, rng: np.random.Generator) -> Mesh:
-    """A small ball beside it: 3 % of the diagonal in radius."""
-    ball = trimesh.creation.icosphere(subdivisions=1, radius=0.03 * variation.diagonal(mesh))
-    beside = mesh.vertices[rng.integers(len(mesh.vertices))]
-    place = beside + rng.normal(0, 0.1 * variation.diagonal(mesh), 3)
-    return Mesh(
-        np.concatenate([mesh.vertices, ball.vertices + place]),
-        np.concatenate([mesh.faces, ball.faces + len(mesh.vertices)]),
+class NearestSpectrum:
+    """The class of the training mesh whose spectrum is nearest."""
+
+    def __init__(self, samples: list[Sample]) -> None:
+        self.samples = samples
+
+    def answer(self, mesh: Mesh) -> str:
+        tree, labels = self._known
+        _, nearest = tree.query(self._spectrum(mesh))
+        return labels[nearest]
+
+    def _spectrum(self, mesh: Mesh) -> np.ndarray:
+        return log_spectrum(prepare(mesh, FACE_BUDGET)[0], Spectrum.count)
+
+    @cached_property
+    def _known(self) -> tuple[KDTree, list[str]]:
+        spectra, labels = [], []
+        for sample in self.samples:
+            try:
+                spectra.append(self._spectrum(load_mesh(sample.path)))
+            except MeshError:
+                continue
+            labels.append(sample.label)
+        return KDTree(spectra), labels
+
+
+def accuracies(answer: Answer, samples: list[Sample]) -> Table:
+    """The share of right answers without a change and with each; a refused mesh is a wrong one."""
+    files = [load_mesh(sample.path) for sample in samples]
+    shapes = [prepare(mesh, FACE_BUDGET)[0] for mesh in files]
+    changes = [(UNCHANGED, lambda mesh, rng: mesh, files)]
+    changes += [(title, change, files) for title, change in FILES.items()]
+    changes += [(title, change, shapes) for title, change in SHAPES.items()]
+    table = {}
+    for title, change, meshes in changes:
+        rng = np.random.default_rng(0)
+        right = 0
+        for mesh, sample in zip(meshes, samples, strict=True):
+            try:
+                right += answer(change(mesh, rng)) == sample.label
+            except MeshError:
+                continue
+        table[title] = right / len(samples)
+    return table
+
+
+def mean_corruption_error(table: Table, baseline: Table) -> float:
+    """The mean error over all changes, as a share of the baseline's."""
+    changes = [title for title in table if title != UNCHANGED]
+    return sum(1 - table[title] for title in changes) / sum(
+        1 - baseline[title] for title in changes
     )
-
-
-def inverted(mesh: Mesh) -> Mesh:
-    """Every face wound the other way."""
-    return Mesh(mesh.vertices, mesh.faces[:, ::-1])
-
-
-def as_soup(mesh: Mesh) -> Mesh:
-    """Three vertices of its own for every face, as in STL."""
-    return Mesh(mesh.vertices[mesh.faces].reshape(-1, 3), np.arange(mesh.faces.size).reshape(-1, 3))
-
-
-# Of the mesh as it is in its file.
-CHANGES_OF_FILES: dict[str, Change] = {
-    "unchanged": lambda mesh, rng: mesh,
-    "rotated at random": lambda mesh, rng: mesh.moved(mesh.vertices @ random_rotation(rng).T),
-    "winding inverted": lambda mesh, rng: inverted(mesh),
-    "triangle soup": lambda mesh, rng: as_soup(mesh),
-}
-# Of the prepared mesh, which is sound; what they make of it is prepared once more.
-CHANGES: dict[str, Change] = {
-    "subdivided with jitter": variation.retriangulated,
-    "two Loop subdivisions": lambda mesh, rng: variation.smoothed(mesh, 2),
-    "250 faces": lambda mesh, rng: variation.with_faces(mesh, 250),
-    "1000 faces": lambda mesh, rng: variation.with_faces(mesh, 1000),
-    "20 000 faces": lambda mesh, rng: variation.with_faces(mesh, 20_000),
-    "noise, 0.5 % of the diagonal": lambda mesh, rng: variation.noisy(mesh, 0.005, rng),
-    "noise, 1 % of the diagonal": lambda mesh, rng: variation.noisy(mesh, 0.01, rng),
-    "5 % of the faces cut out": lambda mesh, rng: variation.cut(mesh, 0.05, rng),
-    "10 % of the faces cut out": lambda mesh, rng: variation.cut(mesh, 0.1, rng),
-    "a small ball beside it": with_stray_part,
-}
 
 
 def main() -> None:
@@ -79,30 +95,29 @@ def main() -> None:
     arguments = parser.parse_args()
 
     classifier = Classifier.load(arguments.model)
-    samples = [s for s in find_samples(arguments.data, arguments.split) if s.split == "test"]
-    budget = classifier.model.card.config.face_budget
-    labels = [sample.label for sample in samples]
-    files = [load_mesh(sample.path) for sample in samples]
-    prepared = [prepare(mesh, budget)[0] for mesh in files]
-    print(f"{arguments.model} on {len(files)} test meshes of {arguments.data.name}")
-    table = {}
-    for meshes, changes in ((files, CHANGES_OF_FILES), (prepared, CHANGES)):
-        for title, change in changes.items():
-            rng = np.random.default_rng(0)
-            found = [answer(classifier, change(mesh, rng)) for mesh in meshes]
-            table[title] = float(np.mean(np.array(found) == labels))
-            print(f"  {title:30} {table[title]:7.1%}", flush=True)
-    results = {"model": classifier.model.sha256, "meshes": len(files), "accuracy": table}
-    path = RESULTS / f"robustness_{classifier.model.card.name}.json"
-    path.write_text(json.dumps(results, indent=2) + "\n")
+    samples = find_samples(arguments.data, arguments.split)
+    test = [sample for sample in samples if sample.split == "test"]
+    known = NearestSpectrum([sample for sample in samples if sample.split == "train"])
+    path = RESULTS / f"robustness_spectrum_{arguments.data.name}.json"
+    if not path.exists():
+        baseline = accuracies(known.answer, test)
+        path.write_text(json.dumps({"meshes": len(test), "accuracy": baseline}, indent=2) + "\n")
+    baseline = json.loads(path.read_text())["accuracy"]
+    table = accuracies(lambda mesh: classifier.classify(mesh).label, test)
+    error = mean_corruption_error(table, baseline)
 
-
-def answer(classifier: Classifier, mesh: Mesh) -> str | None:
-    """The likeliest class, or None where the mesh is refused, which counts as wrong."""
-    try:
-        return classifier.classify(mesh).label
-    except UnusableMesh:
-        return None
+    name = classifier.model.card.name
+    print(f"{len(test)} test meshes of {arguments.data.name}".ljust(34), f"{name:>9}  spectrum")
+    for title, share in table.items():
+        print(f"  {title:32} {share:9.1%} {baseline[title]:9.1%}")
+    print(f"  {'mean corruption error':32} {error:9.1%} {1:9.1%}")
+    results = {
+        "model": classifier.model.sha256,
+        "meshes": len(test),
+        "accuracy": table,
+        "mean_corruption_error": round(error, 5),
+    }
+    (RESULTS / f"robustness_{name}.json").write_text(json.dumps(results, indent=2) + "\n")
 
 
 if __name__ == "__main__":

@@ -8,6 +8,7 @@ uploaded, which has to be prepared in turn. Training learns from such copies (`v
 import igl
 import numpy as np
 import trimesh
+from numpy.typing import NDArray
 
 from meshconv3d.model.mesh import Mesh
 from meshconv3d.model.preparation.simplification import decimate
@@ -53,6 +54,48 @@ def cut(mesh: Mesh, share: float, rng: np.random.Generator) -> Mesh:
     return Mesh(mesh.vertices, mesh.faces[keep[1:]])
 
 
+def flipped(mesh: Mesh, share: float, rng: np.random.Generator | None = None) -> Mesh:
+    """Other diagonals: a share of the edges flipped, at most one of each face.
+
+    The flattest ones, or with `rng` random ones; none that bends by 60 degrees or more, before or
+    after.
+    """
+    twin = Surface.of(mesh).twin
+    h = np.flatnonzero(twin > np.arange(len(twin)))
+    pairs = np.stack((h, twin[h])) // 3
+    corners = np.stack((h, h + 1, h + 2, twin[h] + 2)) % 3
+    a, b, c, d = mesh.faces[pairs[[0, 0, 0, 1]], corners]
+    new = np.stack((np.stack((a, d, c), 1), np.stack((d, b, c), 1)))
+    before, after = (_cosines(mesh, each) for each in (mesh.faces[pairs], new))
+    order = np.argsort(-before, kind="stable") if rng is None else rng.permutation(len(h))
+    sides = np.concatenate([mesh.faces[:, [s, (s + 1) % 3]] for s in range(3)])
+    edges = {*map(frozenset, sides.tolist())}
+    faces, taken = mesh.faces.copy(), np.zeros(len(mesh.faces), bool)
+    left = round(share * len(h))
+    for i in order[np.minimum(before, after)[order] > 0.5].tolist():
+        diagonal = frozenset((int(c[i]), int(d[i])))
+        if left == 0:
+            break
+        if diagonal not in edges and not taken[pairs[:, i]].any():
+            edges.add(diagonal)
+            faces[pairs[:, i]] = new[:, i]
+            taken[pairs[:, i]] = True
+            left -= 1
+    return Mesh(mesh.vertices, faces)
+
+
+def _cosines(mesh: Mesh, pairs: NDArray[np.int32]) -> NDArray[np.float64]:
+    """Cosine of the angle between the two faces of each pair, N; -1 for slivers.
+
+    pairs: 2 x N x 3, the corners of the two faces.
+    """
+    a, b, c = (mesh.vertices[pairs[:, :, s]] for s in range(3))
+    normals = np.cross(b - a, c - a)
+    lengths = np.linalg.norm(normals, axis=2)
+    products = np.sum(normals[0] * normals[1], axis=1)
+    return np.where(lengths.min(axis=0) > 0, products / np.maximum(lengths.prod(0), 1e-300), -1)
+
+
 def diagonal(mesh: Mesh) -> float:
     """Length of the bounding box's diagonal."""
     return float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
@@ -64,7 +107,7 @@ def mean_edge(mesh: Mesh) -> float:
 
 
 def vary(mesh: Mesh, rng: np.random.Generator) -> Mesh:
-    """A random copy for training: other triangles, then perhaps noise, then perhaps a hole."""
+    """A random copy for training: other triangles, then perhaps others still, noise, a hole."""
     match rng.integers(6):
         case 0:
             mesh = retriangulated(mesh, rng)
@@ -76,6 +119,8 @@ def vary(mesh: Mesh, rng: np.random.Generator) -> Mesh:
             mesh = with_faces(mesh, int(np.exp(rng.uniform(np.log(200), np.log(2000)))))
         case _:
             pass
+    if rng.random() < 0.3:
+        mesh = flipped(mesh, rng.uniform(0, 0.3), rng)
     if rng.random() < 0.5:
         # On fine triangles, noise of the mesh's scale would be all that is left.
         most = min(0.01, 0.25 * mean_edge(mesh) / diagonal(mesh))

@@ -53,6 +53,23 @@ def test_a_cut_is_one_hole_of_its_share(share, rng):
     assert prepare(mesh, 500)[1].components == 1
 
 
+@pytest.mark.parametrize("generator", [None, np.random.default_rng(5)], ids=["flattest", "random"])
+@pytest.mark.parametrize("mesh", [torus(), sheet(15, 16)], ids=["closed", "open"])
+def test_flipped_edges_keep_the_surface_a_manifold(mesh, generator):
+    flipped = variation.flipped(mesh, 0.2, generator)
+    twin, border, nonmanifold = find_twins(flipped.faces, len(mesh.vertices))
+    assert border == find_twins(mesh.faces, len(mesh.vertices))[1]
+    assert nonmanifold == 0
+    # Neighbours run along their edge in opposite directions.
+    h = np.flatnonzero(twin >= 0)
+    ends = np.roll(flipped.faces, -1, axis=1).reshape(-1)
+    assert (flipped.faces.reshape(-1)[h] == ends[twin[h]]).all()
+    edges = len(mesh.faces) * 3 // 2
+    changed = (flipped.faces != mesh.faces).any(axis=1).sum()
+    assert changed == pytest.approx(2 * 0.2 * edges, rel=0.1)
+    assert area(flipped) == pytest.approx(area(mesh), rel=0.02)
+
+
 @pytest.mark.parametrize("mesh", [torus(), sheet(15, 16)], ids=["closed", "open"])
 def test_random_copies_can_be_prepared_and_differ(mesh, rng):
     prepared, _ = prepare(mesh, 500)
