@@ -20,6 +20,8 @@ IN_BALL, IN_WHOLE = 8, 7
 MEASURES = IN_BALL * len(RADII) + IN_WHOLE
 # A face of a larger share of the area is cut up: a point stands for no more surface than this.
 LARGEST_SHARE = 1 / 100
+# Of more faces, a sample stands for all.
+MOST_FACES = 512
 # Sums over a ball: area, its first and second moments, and three measures weighed by area.
 SUMS = 13
 
@@ -184,14 +186,14 @@ def _spread_points(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Points that stand for the surface: P x 3, their normals P x 3, and their areas P.
 
-    A face is cut into equal triangles, n to a side, and each centroid is a point; it does not
-    matter in which order faces or their corners are named.
+    A face is cut into equal triangles, n to a side, and each centroid is a point. Up to MOST_FACES
+    faces it does not matter in which order they or their corners are named.
     """
+    areas = _sample(areas)
     largest = areas.sum() * LARGEST_SHARE
-    sides = np.ones(len(faces), np.int64)
+    sides = np.empty(len(faces), np.int64)
     for f in range(len(faces)):
-        if areas[f] > largest:
-            sides[f] = math.ceil(math.sqrt(areas[f] / largest))
+        sides[f] = math.ceil(math.sqrt(areas[f] / largest))
     count = (sides * sides).sum()
     points, point_normals = np.empty((count, 3)), np.empty((count, 3))
     weights = np.empty(count)
@@ -210,6 +212,27 @@ def _spread_points(
                     weights[i] = areas[f] / (n * n)
                     i += 1
     return points, point_normals, weights
+
+
+@kernel
+def _sample(areas: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The area that each face stands for: its own, up to MOST_FACES faces.
+
+    Beyond, the surface is divided into MOST_FACES equal areas, in the order of the faces, and the
+    face in the middle of each stands for it (systematic sampling). Most faces stand for nothing.
+    """
+    if len(areas) <= MOST_FACES:
+        return areas
+    step = areas.sum() / MOST_FACES
+    weights = np.zeros(len(areas))
+    running = 0.0
+    passed = 0
+    for f in range(len(areas)):
+        running += areas[f]
+        middles = int(running / step + 0.5)
+        weights[f] = (middles - passed) * step
+        passed = middles
+    return weights
 
 
 @kernel

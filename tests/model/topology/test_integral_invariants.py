@@ -105,6 +105,17 @@ def test_a_face_sees_a_part_that_it_does_not_touch():
     assert np.abs(beside - alone)[:, 8 * 3 :].max() > 0.1
 
 
+def test_a_sample_stands_for_many_faces():
+    mesh = inside(torus(60, 40))
+    assert len(mesh.faces) == 4800
+    measures = measure(mesh)
+    points, normals = samples(mesh, 100_000)
+    for face in range(0, 4800, 601):
+        expected = by_definition(mesh, face, points, normals)
+        # The smallest balls hold a handful of points.
+        assert measures[face, 2 * IN_BALL :] == pytest.approx(expected[2 * IN_BALL :], abs=0.05)
+
+
 def test_faces_without_area_are_measured_too():
     flat = Mesh([[0, 0, 0], [0.5, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2], [0, 1, 3]])
     assert np.isfinite(measure(flat)).all()
