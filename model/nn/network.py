@@ -61,14 +61,16 @@ class Network(nn.Module):
         self.novelty = Novelty(width, len(config.classes))
 
     def take_features(self, other: "Network") -> None:
-        """Copy the weights of another network, except those that depend on the classes.
+        """Copy the weights of another network, and those of its classes where they are the same.
 
         Both have the same configuration, except for the classes.
         """
-        state = other.state_dict()
-        kept = {
-            name: state[name] for name in state if not name.startswith(("classify.", "novelty."))
-        }
+        left = (
+            ("novelty.",)
+            if other.config.classes == self.config.classes
+            else ("classify.", "novelty.")
+        )
+        kept = {k: v for k, v in other.state_dict().items() if not k.startswith(left)}
         self.load_state_dict(self.state_dict() | kept)
 
     def forward(self, terms: Tensor, *topology: Tensor) -> Outputs:

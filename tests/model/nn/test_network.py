@@ -176,6 +176,14 @@ def test_features_are_taken_from_a_network_of_other_classes(prepared_torus):
     assert all(torch.equal(network.classify.state_dict()[name], before[name]) for name in before)
 
 
+def test_everything_learned_is_taken_from_a_network_of_the_same_classes(prepared_torus):
+    config = NetworkConfig(classes=("a", "b"), channels=(8, 12, 16))
+    other, network = Network(config).eval(), Network(config).eval()
+    network.take_features(other)
+    inputs = as_tensors(collate([mesh_inputs(prepared_torus, config)]))
+    assert torch.equal(network(*inputs).scores, other(*inputs).scores)
+
+
 @pytest.fixture
 def prepared_torus() -> Mesh:
     return prepare(torus(), 500)[0]
