@@ -1,15 +1,14 @@
-# Serving only: no torch, no onnx. The image classifies with the model inside the package.
+# Serving only: no torch, no onnx. The image holds the shipped models.
 
 FROM python:3.12-slim AS build
 WORKDIR /src
-RUN python -m venv /opt/meshconv3d
-ENV PATH=/opt/meshconv3d/bin:$PATH
+RUN python -m venv --without-pip /opt/meshconv3d
 COPY pyproject.toml README.md LICENSE ./
 COPY model model
 COPY export export
 COPY service service
 COPY meshconv3d meshconv3d
-RUN pip install --no-cache-dir .
+RUN pip --python /opt/meshconv3d/bin/python install --no-cache-dir .
 
 FROM python:3.12-slim
 RUN useradd --system --uid 10001 --no-create-home meshconv3d
@@ -23,7 +22,13 @@ ENV PATH=/opt/meshconv3d/bin:$PATH \
     TMPDIR=/dev/shm \
     MESHCONV3D_HOST=0.0.0.0 \
     PYTHONDONTWRITEBYTECODE=1
-RUN meshconv3d classify --json "$(python -c 'import meshconv3d.model.samples as s; print(s.__path__[0])')"
+# Starts a worker and classifies all samples with each shipped model, which compiles all kernels.
+RUN python -c "from meshconv3d.service.http import server; from meshconv3d.service.settings import \
+Settings; server.start_workers(Settings(workers=1)).close()" && \
+    package="$(python -c 'import meshconv3d; print(meshconv3d.__path__[0])')" && \
+    for model in "$package"/service/shipped/*.onnx; do \
+        meshconv3d classify --json --model "$model" "$package/model/samples" > /dev/null || exit 1; \
+    done
 USER 10001
 EXPOSE 8000
 HEALTHCHECK --interval=10s --timeout=3s --start-period=30s \

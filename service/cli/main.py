@@ -131,7 +131,9 @@ def main() -> None:
     except click.ClickException as error:
         error.show()
         sys.exit(error.exit_code)
-    except MemoryError:
+    except (MemoryError, RuntimeError) as error:
+        if isinstance(error, RuntimeError) and "can't start new thread" not in str(error):
+            raise
         click.echo("Error: there is not enough memory (see ulimit -v)", err=True)
         sys.exit(1)
     except BrokenPipeError:
