@@ -1,4 +1,4 @@
-"""The card of a model file: its metadata, as JSON values under one prefix.
+"""Card of a model file: the file's metadata, JSON values whose names have one prefix.
 
 Reading it needs neither torch nor onnx.
 """
@@ -28,7 +28,7 @@ class ModelFileError(Error):
 
 @dataclass(frozen=True, config=ConfigDict(extra="forbid"))
 class Probe:
-    """A sample mesh by name, and the scores (N_c) that torch gives it."""
+    """Name of a sample mesh, and its scores (N_c) in torch."""
 
     sample: str
     scores: tuple[float, ...]
@@ -36,13 +36,13 @@ class Probe:
 
 @dataclass(frozen=True, config=ConfigDict(extra="forbid"))
 class ModelCard:
-    """Everything in a model file except the graph.
+    """Content of a model file except the graph.
 
-    config: the network, its topology and its classes. opset: of the graph. training: data,
-    protocol and seed. accuracy: figures with their protocol. parity: largest relative difference
-    to torch of each output, and what it was measured on. calibration: None if it was trained
-    without validation meshes. probe: for the self test of a runtime. about: a description in
-    Markdown.
+    config: settings of the network, with the classes. opset: version of the graph's operators.
+    training: data, protocol and seed. accuracy: figures with their protocol. parity: largest
+    relative difference to torch of each output, number of meshes, tolerance, versions. calibration:
+    None if it was trained without validation meshes. probe: for the self test of a runtime. about:
+    description in Markdown.
     """
 
     name: str
@@ -64,7 +64,7 @@ class ModelCard:
 
     @property
     def preparation(self) -> dict[str, Any]:
-        """How a mesh is prepared before the topology stage."""
+        """Face budget and normalisation of meshes, which readers compare with their own."""
         return {"face_budget": self.config.face_budget, "normalisation": NORMALISATION}
 
     def to_dict(self) -> dict[str, Any]:
@@ -79,7 +79,7 @@ class ModelCard:
 
 
 def read_card(properties: Mapping[str, str]) -> ModelCard:
-    """The card from an ONNX file's properties. Raises ModelFileError, saying what is wrong."""
+    """Card from the properties of an ONNX file. Raises ModelFileError, saying what is wrong."""
     if PREFIX + "format_version" not in properties:
         raise ModelFileError(
             "the file is an ONNX model, but not one of meshconv3d (its metadata has no "
@@ -101,7 +101,7 @@ def read_card(properties: Mapping[str, str]) -> ModelCard:
             )
         preparation = values.pop("preparation", "missing: preparation")
         card = TypeAdapter(ModelCard).validate_python(values)
-        TypeAdapter(ModelCard).dump_json(card)  # or nobody could be told of it
+        TypeAdapter(ModelCard).dump_json(card)  # raises for values that JSON lacks
     except ModelFileError:
         raise
     except ValidationError as error:
@@ -111,7 +111,7 @@ def read_card(properties: Mapping[str, str]) -> ModelCard:
         raise ModelFileError(f"the model file's metadata is damaged: {error}") from None
     if preparation != card.preparation:
         raise ModelFileError(
-            f"the model wants meshes prepared as {preparation}, "
-            f"this version prepares them as {card.preparation}"
+            f"the model needs meshes prepared as {preparation}, this version prepares them as "
+            f"{card.preparation}: use the version that exported it, or export it again"
         )
     return card

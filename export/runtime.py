@@ -1,8 +1,8 @@
-"""onnxruntime, told before it is loaded that nothing phones home, and how a model is opened.
+"""onnxruntime without telemetry, and sessions on model files.
 
 Official builds of onnxruntime send events about every process, model and error, and keep an
-identifier of the device in the home folder. This variable, read once as the library is loaded,
-is the only switch that prevents both. Import onnxruntime from here and nowhere else.
+identifier of the device in the home folder. ORT_DISABLE_TELEMETRY, which is read as the library is
+loaded, is the only switch against both. All other modules import onnxruntime from this one.
 """
 
 import os

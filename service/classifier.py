@@ -1,4 +1,4 @@
-"""Both stages at run time: mesh bytes in, class scores out."""
+"""Classifier: the topology stage and the graph at run time, from a mesh to its prediction."""
 
 import os
 import time
@@ -22,11 +22,11 @@ from meshconv3d.model.topology.inputs import MeshInputs, collate, mesh_inputs
 from meshconv3d.service.models import DEFAULT_MODEL, Model, open_model
 from meshconv3d.service.prediction import Prediction
 
-# How far the self-test's scores may lie from those that the export stored, relative to the
-# largest: rounding moves them by 1e-6, another triangulation of the sample by more than this.
+# Tolerance of the self test, relative to the largest score. Rounding changes scores by 1e-6,
+# another triangulation of the sample by more than this.
 SELF_TEST_TOLERANCE = 1e-2
 
-# Of which the times are taken, in order; of the last where it is asked for.
+# Stages that are timed, in order; the last one only for explanations.
 STAGES = ("read", "prepare", "topology", "infer", "explain")
 
 
@@ -58,10 +58,10 @@ class SelfTestError(Error):
 
 @dataclass(frozen=True, eq=False)
 class Pass:
-    """One mesh on its way through both stages.
+    """Intermediate values of one classification, for explanations and pictures.
 
-    prepared: what the network saw, with its inputs; placement: where it lies in the file.
-    evidence: N_L x N_c float32, what each face of the last level says.
+    prepared: input of the topology stage; placement: its position in the file; inputs: of the
+    network. evidence: N_L x N_c float32, the share of each face of the last level in the scores.
     """
 
     prepared: Mesh
@@ -71,10 +71,10 @@ class Pass:
     prediction: Prediction
 
     def contributions(self, class_index: int) -> NDArray[np.float64]:
-        """What each face of the prepared mesh adds to the score of a class: F_0."""
+        """Contribution of each face of the prepared mesh to the score of a class, F_0 float64."""
         topology = self.inputs.topology
         if topology is None:
-            raise ValueError("under learned pooling the faces that were gathered are not known")
+            raise ValueError("learned pooling does not tell which faces it gathered")
         return contributions(self.evidence[:, class_index], topology, self.inputs.surface)
 
 
@@ -140,7 +140,7 @@ class Classifier:
         return mesh, timings
 
     def run(self, mesh: Mesh, timings: dict[str, float]) -> Pass:
-        """Send a mesh through both stages. timings: milliseconds of the stages before these.
+        """Classify a mesh. timings: milliseconds of the stages before these.
 
         Raises UnusableMesh, also where memory runs out.
         """
@@ -183,25 +183,26 @@ class Classifier:
             try:
                 yield self.classify(mesh)
             except MeshError as error:
-                # A traceback would keep the mesh in memory.
-                yield error.with_traceback(None)
+                # Their tracebacks would keep the mesh in memory.
+                error.__traceback__ = error.__cause__ = error.__context__ = None
+                yield error
 
     def self_test(self) -> None:
-        """Classify the sample whose scores the export stored; it also warms every stage up.
+        """Compare the scores of a sample with those that the export stored; this warms up, too.
 
-        Raises SelfTestError when the scores are not those.
+        Raises SelfTestError if they differ.
         """
         card = self.model.card
         path = sample_paths().get(card.probe.sample)
         if path is None:
             raise SelfTestError(
-                f"model {card.name} wants to be tested on the sample {card.probe.sample!r}, "
-                "which this version of meshconv3d does not have"
+                f"model {card.name} is tested on the sample {card.probe.sample!r}, which this "
+                "version of meshconv3d does not have: upgrade meshconv3d"
             )
         expected = np.array(card.probe.scores)
         try:
             scores = self.classify(load_mesh(path)).scores  # within no limits but the defaults
-        except Exception as error:  # those of onnxruntime are of no kind of their own
+        except Exception as error:  # onnxruntime's have no common type
             reason = str(error).partition("\n")[0]
             raise SelfTestError(
                 f"model {card.name} cannot classify the sample {path.stem}: its graph is not what "
@@ -238,7 +239,7 @@ def _in_memory(mesh: Any) -> Mesh:
 
 @contextmanager
 def timed(timings: dict[str, float], stage: str) -> Iterator[None]:
-    """Note how long what follows takes, in milliseconds."""
+    """Record the milliseconds that the body takes."""
     started = time.perf_counter()
     yield
     timings[stage] = round((time.perf_counter() - started) * 1000, 3)

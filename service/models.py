@@ -1,4 +1,4 @@
-"""Model files: the shipped ones by name, any other by path."""
+"""Model files: shipped ones by name, others by path."""
 
 import hashlib
 from dataclasses import dataclass
@@ -17,41 +17,41 @@ DEFAULT_MODEL = "shrec11"
 
 @dataclass(frozen=True, eq=False)
 class ModelInfo:
-    """Card of a model file, and the SHA-256 of the file."""
+    """Card of a model file, and the SHA-256 of the file. It can be sent to other processes."""
 
     card: ModelCard
     sha256: str
 
     @property
     def id(self) -> ModelId:
-        """Name and hash, as results carry them."""
+        """Name and hash, for results."""
         return ModelId(self.card.name, self.sha256)
 
     def to_dict(self) -> dict[str, Any]:
-        """The card and the hash as plain values, for JSON."""
+        """Card and hash as JSON values."""
         return self.card.to_dict() | {"sha256": self.sha256}
 
 
 @dataclass(frozen=True, eq=False)
 class Model(ModelInfo):
-    """An opened model file; `session.run` is thread-safe."""
+    """Opened model file; `session.run` is thread-safe."""
 
     session: ort.InferenceSession
 
     @property
     def info(self) -> ModelInfo:
-        """The part that other processes can be told."""
+        """The model without its session."""
         return ModelInfo(self.card, self.sha256)
 
 
 def shipped_models() -> dict[str, Path]:
-    """The models inside the package, by name; the default first."""
+    """Model files of the package by name, the default first."""
     paths = sorted(SHIPPED.glob("*.onnx"), key=lambda path: (path.stem != DEFAULT_MODEL, path.stem))
     return {path.stem: path for path in paths}
 
 
 def model_path(name_or_path: str) -> Path:
-    """The file of a shipped model's name, or the path itself. Raises ModelFileError."""
+    """Path of a shipped model, or the path itself. Raises ModelFileError if there is no file."""
     shipped = shipped_models()
     if name_or_path in shipped:
         return shipped[name_or_path]
@@ -66,14 +66,14 @@ def model_path(name_or_path: str) -> Path:
 
 @dataclass(frozen=True)
 class ModelFile:
-    """The bytes of a model file, read once, so that whoever opens them opens the same model."""
+    """Content of a model file. It is read once, so that all workers open the same model."""
 
     path: Path
     content: bytes
 
     @classmethod
     def read(cls, name_or_path: str) -> "ModelFile":
-        """A shipped model by name, or the file at a path. Raises ModelFileError."""
+        """Read a shipped model by name, or the file at a path. Raises ModelFileError."""
         path = model_path(name_or_path)
         try:
             return cls(path, path.read_bytes())
@@ -81,7 +81,7 @@ class ModelFile:
             raise ModelFileError(f"{path} cannot be read: {error.strerror}") from None
 
     def open(self) -> Model:
-        """Open it and check that it can run here; see `open_model` for the errors."""
+        """Open the model and compare its graph with its card; errors: see `open_model`."""
         try:
             session = open_session(self.content)
             card = read_card(session.get_modelmeta().custom_metadata_map)
@@ -92,16 +92,16 @@ class ModelFile:
 
 
 def open_model(name_or_path: str) -> Model:
-    """Open a model and check that it can run here.
+    """Open a model by name or path.
 
-    Raises ModelFileError for a file that is missing, damaged, not one of this project, made by a
-    newer version, or in want of operators that are not installed.
+    Raises ModelFileError for a file that is missing, damaged, not of this project, made by a newer
+    version, or in need of operators that are not installed.
     """
     return ModelFile.read(name_or_path).open()
 
 
 def _check_graph(path: Path, session: ort.InferenceSession, card: ModelCard) -> None:
-    """The graph must take and give what its card promises."""
+    """Raises ModelFileError unless the graph has the inputs, outputs and classes of the card."""
     expected = input_names(card.config)
     found = [value.name for value in session.get_inputs()]
     outputs = {value.name: value.shape for value in session.get_outputs()}

@@ -1,4 +1,4 @@
-"""A small picture of a mesh, drawn without a graphics card."""
+"""Small picture of a mesh, drawn with Pillow."""
 
 from io import BytesIO
 
@@ -12,22 +12,22 @@ SIZE = 96  # pixels
 OVERSAMPLING = 4
 MARGIN = 0.04  # of the picture, on each side
 
-# Where the camera stands: to the right of the front and above it, with y upwards, as on the page.
+# Direction of the camera, right of the front and above it; y is up, as on the page.
 AZIMUTH, ELEVATION = np.radians((35, 20))
 
-# Light comes from the left, above, and behind the camera.
+# Direction of the light: left of the camera, above and behind it.
 LIGHT = np.array([-0.4, 0.6, 0.7]) / np.linalg.norm([-0.4, 0.6, 0.7])
 
-# From grey in the shade to grey in the light: apart from a light page and from a dark one.
+# Greys in the shade and in the light, visible on a light page and on a dark one.
 DARKEST, BRIGHTEST = 62, 205
 SHADES = 16  # with these a PNG takes four bits a pixel
 
 
 def picture(mesh: Mesh, size: int = SIZE) -> bytes:
-    """A PNG of size x size pixels: the mesh in three-quarter view, in grey, on nothing.
+    """PNG of size x size pixels: the mesh in three-quarter view, grey on a transparent ground.
 
-    The faces are painted from the farthest to the nearest, which the small and even ones of a
-    prepared mesh permit; see docs/batch-report.md for how often that is wrong.
+    Painter's algorithm: faces are painted from the farthest to the nearest. The small, even faces
+    of a prepared mesh permit it; docs/batch-report.md says how often a pixel is wrong.
     """
     seen = mesh.vertices @ _camera()
     depth = seen[mesh.faces, 2].mean(axis=1)
@@ -45,27 +45,22 @@ def picture(mesh: Mesh, size: int = SIZE) -> bytes:
 
 
 def _camera() -> NDArray[np.float64]:
-    """3 x 3: its columns are the directions right, up, and towards the camera."""
-    towards = np.array(
-        [
-            np.cos(ELEVATION) * np.sin(AZIMUTH),
-            np.sin(ELEVATION),
-            np.cos(ELEVATION) * np.cos(AZIMUTH),
-        ]
-    )
+    """Rotation matrix, 3 x 3: its columns point right, up, and towards the camera."""
     right = np.array([np.cos(AZIMUTH), 0, -np.sin(AZIMUTH)])
+    ahead = np.array([np.sin(AZIMUTH), 0, np.cos(AZIMUTH)])
+    towards = np.cos(ELEVATION) * ahead + [0, np.sin(ELEVATION), 0]
     return np.stack([right, np.cross(towards, right), towards], axis=1)
 
 
 def _on_canvas(points: NDArray[np.float64], size: int) -> NDArray[np.float64]:
-    """Points (V x 2, y upwards) in pixels, y downwards: in the middle, and as large as fits."""
+    """Points (V x 2, y up) in pixels (y down), centred and scaled to the picture."""
     low, high = points.min(axis=0), points.max(axis=0)
     scale = size * (1 - 2 * MARGIN) / (high - low).max()
     return (points - (low + high) / 2) * (scale, -scale) + size / 2
 
 
 def _shades(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The grey of each triangle (F x 3 x 3, seen from the camera); both its sides are lit."""
+    """Grey of each triangle (F x 3 x 3, in camera coordinates), whose sides are lit alike."""
     a, b, c = triangles.transpose(1, 0, 2)
     normals = np.cross(b - a, c - a)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)

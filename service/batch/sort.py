@@ -1,7 +1,7 @@
 """Sorting of files into folders by their results: DIR/CLASS, DIR/unknown, DIR/refused/FAULT.
 
-Where a file goes follows from its own name and record alone. So any number of processes may sort
-into one folder, and a run that starts again finds its own links.
+The place of a file depends on its own name and record alone: any number of processes may sort into
+one folder, and a run that starts again finds its own links.
 """
 
 import errno
@@ -9,10 +9,9 @@ import hashlib
 import os
 import re
 import shutil
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
-from typing import BinaryIO
 
 from meshconv3d.service.batch.files import File, LocalFile
 from meshconv3d.service.batch.running import FileResult
@@ -22,11 +21,11 @@ from meshconv3d.service.prediction import Failure, Result
 # How many names below DIR a file lies: CLASS/FILE, refused/FAULT/FILE.
 DEPTHS = (2, 3)
 
-# Folders that are no classes. A class of this name gets another.
+# Folders that are no classes. A class of such a name gets another folder.
 UNKNOWN, REFUSED = "unknown", "refused"
 
-# What a name in a folder may not hold: all but letters and digits of any script, and what no system
-# takes for more than itself; no space or dot at its ends.
+# Characters that a name may not hold: all but letters and digits of any script, and punctuation
+# without a meaning in paths; at the ends, spaces and dots.
 UNSAFE = re.compile(r"[^\w .,()+\-]|^[. ]|[. ]$")
 
 # Bytes of a name. Systems take 255; that leaves room for a digest, an ending, and `.part`.
@@ -34,14 +33,10 @@ LONGEST = 200
 DIGEST = 16  # hexadecimal digits: some collections hold a million files of one name
 ENDING = re.compile(r"(.*?)(\.[a-zA-Z0-9]{1,16})?", re.DOTALL)
 
-FOLDER = os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW
-
 
 class SortedFolder:
-    """A folder that is filled with classified files; nothing outside it is written or removed.
-
-    Folders in it are opened one in the other, and never through a link.
-    """
+    """Folder of classified files. Nothing outside it is written or removed: links to folders in it
+    are refused."""
 
     def __init__(self, folder: Path) -> None:
         """folder: made with the first file that is placed in it."""
@@ -58,83 +53,56 @@ class SortedFolder:
         if not isinstance(file, LocalFile) and one.sha256 is None:
             return None
         folders = _folders(one.result)
-        name = _file_name(file)
-        place = self.folder.joinpath(*folders, name)
-        self.folder.mkdir(parents=True, exist_ok=True)
-        with errors_naming(place), _opened(self.folder, folders) as folder:
+        place = self.folder.joinpath(*folders, _file_name(file))
+        with errors_naming(place):
+            self.folder.mkdir(parents=True, exist_ok=True)
+            for parent in reversed(place.relative_to(self.folder).parents[:-1]):
+                _make(self.folder / parent)
             if isinstance(file, LocalFile):
-                _link(Path(file.path).absolute(), name, folder)
+                _link(Path(file.path).absolute(), place)
             else:
                 content = file.read()
-                _write(lambda new: new.write(content), name, folder)
-        self._forget_refusals(name, folders)
+                _replace(place, lambda new: new.write_bytes(content))
+        self._forget_refusals(place)
         return place
 
-    def _forget_refusals(self, name: str, kept: tuple[str, ...]) -> None:
+    def _forget_refusals(self, kept: Path) -> None:
         """Remove a file from the other folders of refusals: an earlier run may have refused it."""
-        absent = suppress(FileNotFoundError, NotADirectoryError)
-        with absent, _opened(self.folder, (REFUSED,), make=False) as refused:
-            for fault in os.listdir(refused):
-                if (REFUSED, fault) != kept:
-                    with absent, _opened_below(fault, refused, make=False) as folder:
-                        os.unlink(name, dir_fd=folder)
+        refused = self.folder / REFUSED
+        for fault in refused.iterdir() if _is_own(refused) else ():
+            if fault != kept.parent and _is_own(fault):
+                (fault / kept.name).unlink(missing_ok=True)
 
 
-@contextmanager
-def _opened(root: Path, names: tuple[str, ...], make: bool = True) -> Iterator[int]:
-    """A folder below a root, as a descriptor. Raises OSError where a link is on the way."""
-    number = os.open(root, os.O_RDONLY | os.O_DIRECTORY)
+def _is_own(folder: Path) -> bool:
+    """Whether it is a folder, and no link to one."""
+    return folder.is_dir() and not folder.is_symlink()
+
+
+def _make(folder: Path) -> None:
+    """Make a folder, unless it exists. Raises OSError for a link in its place."""
+    with suppress(FileExistsError):
+        folder.mkdir()
+    if not _is_own(folder):
+        raise OSError(errno.ENOTDIR, f"{folder.name} is no folder, or a link to one")
+
+
+def _link(source: Path, place: Path) -> None:
+    """Link to a file, or copy it where links cannot be made."""
+    if place.is_symlink() and os.readlink(place) == str(source):
+        return
     try:
-        for name in names:
-            with _opened_below(name, number, make) as below:
-                os.dup2(below, number, inheritable=False)
-        yield number
-    finally:
-        os.close(number)
-
-
-@contextmanager
-def _opened_below(name: str, folder: int, make: bool) -> Iterator[int]:
-    if make:
-        with suppress(FileExistsError):
-            os.mkdir(name, dir_fd=folder)
-    try:
-        number = os.open(name, FOLDER, dir_fd=folder)
-    except OSError as error:
-        if error.errno in (errno.ENOTDIR, errno.ELOOP):
-            error.strerror = f"{name} is no folder, or a link to one"
-        raise
-    try:
-        yield number
-    finally:
-        os.close(number)
-
-
-def _link(source: Path, name: str, folder: int) -> None:
-    with suppress(OSError):
-        if os.readlink(name, dir_fd=folder) == str(source):
-            return
-    new = f".{name}.part"
-    with suppress(FileNotFoundError):
-        os.unlink(new, dir_fd=folder)  # of a run that was killed
-    try:
-        os.symlink(source, new, dir_fd=folder)
+        _replace(place, lambda new: os.symlink(source, new))
     except OSError:
-        with open(source, "rb") as file:
-            _write(lambda new: shutil.copyfileobj(file, new), name, folder)
-    else:
-        os.rename(new, name, src_dir_fd=folder, dst_dir_fd=folder)
+        _replace(place, lambda new: shutil.copyfile(source, new))
 
 
-def _write(write: Callable[[BinaryIO], object], name: str, folder: int) -> None:
-    """Fill a place at one moment: it holds the old file or the whole new one."""
-    new = f".{name}.part"
-    with suppress(FileNotFoundError):
-        os.unlink(new, dir_fd=folder)
-    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL
-    with open(os.open(new, flags, 0o666, dir_fd=folder), "wb") as file:
-        write(file)
-    os.rename(new, name, src_dir_fd=folder, dst_dir_fd=folder)
+def _replace(place: Path, fill: Callable[[Path], object]) -> None:
+    """Fill a place atomically: it holds the old file or the whole new one."""
+    new = place.with_name(f".{place.name}.part")
+    new.unlink(missing_ok=True)  # of a run that was killed
+    fill(new)
+    os.replace(new, place)
 
 
 def _folders(result: Result) -> tuple[str, ...]:
@@ -143,7 +111,7 @@ def _folders(result: Result) -> tuple[str, ...]:
     if result.unknown:
         return (UNKNOWN,)
     name = _safe(result.label)
-    # As a system sees it that does not tell large letters from small ones.
+    # Some file systems ignore case.
     if name.casefold() in (UNKNOWN, REFUSED):
         return (f"%{ord(name[0]):02X}{name[1:]}",)
     return (name,)
