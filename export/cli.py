@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 import click
 
 if TYPE_CHECKING:
-    from meshconv3d.export.metadata import Probe
     from meshconv3d.model.nn.checkpoint import Checkpoint
     from meshconv3d.model.topology.inputs import MeshInputs
 
@@ -63,10 +62,12 @@ def export(
 @click.option("--mesh", "meshes", type=EXISTING_FILE, multiple=True, help=MESHES_HELP)
 def verify(model: Path, checkpoint: Path, meshes: tuple[Path, ...]) -> None:
     """Check that MODEL and its card agree with the checkpoint; exits with 1 if not."""
+    import numpy as np
     import onnx
 
     from meshconv3d.export.metadata import ModelFileError, read_card
-    from meshconv3d.export.parity import ParityError, check_parity
+    from meshconv3d.export.onnx_file import probe
+    from meshconv3d.export.parity import TOLERANCE, ParityError, check_parity
 
     loaded = _load(checkpoint)
     content = model.read_bytes()
@@ -89,27 +90,16 @@ def verify(model: Path, checkpoint: Path, meshes: tuple[Path, ...]) -> None:
             raise click.ClickException(
                 f"{model}: {name} on its card is {getattr(card, name)}, in the checkpoint {value}"
             )
-    _verify_probe(model, card.probe, loaded, inputs)
-    click.echo(f"{model} agrees with {checkpoint}: {_parity(parity)}")
-
-
-def _verify_probe(
-    model: Path, found: "Probe", checkpoint: "Checkpoint", inputs: "dict[str, MeshInputs]"
-) -> None:
-    """Compare the card's probe with the checkpoint's scores."""
-    import numpy as np
-
-    from meshconv3d.export.onnx_file import probe
-    from meshconv3d.export.parity import TOLERANCE
-
-    if found.sample not in inputs:
-        raise click.ClickException(f"{model}: its probe is {found.sample!r}, which is no sample")
-    expected = probe(checkpoint.network, found.sample, inputs[found.sample]).scores
-    if not np.allclose(found.scores, expected, rtol=TOLERANCE, atol=TOLERANCE):
+    sample = card.probe.sample
+    if sample not in inputs:
+        raise click.ClickException(f"{model}: its probe is {sample!r}, which is no sample")
+    scores = probe(loaded.network, sample, inputs[sample]).scores
+    if not np.allclose(card.probe.scores, scores, rtol=TOLERANCE, atol=TOLERANCE):
         raise click.ClickException(
-            f"{model}: its probe has the scores {found.scores} for {found.sample}, "
-            f"the checkpoint gives {expected}"
+            f"{model}: its probe has the scores {card.probe.scores} for {sample}, the checkpoint "
+            f"gives {scores}"
         )
+    click.echo(f"{model} agrees with {checkpoint}: {_parity(parity)}")
 
 
 def _load(path: Path) -> "Checkpoint":

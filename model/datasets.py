@@ -3,8 +3,8 @@
 import csv
 import io
 import logging
-from collections import Counter, defaultdict
-from collections.abc import Iterable, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -89,7 +89,7 @@ def _from_folders(root: Path, undivided: str) -> list[Sample]:
     folders = {path: path.relative_to(root).parts[:-1] for path in files}
     layout = "CLASS/train/FILE, CLASS/val/FILE and CLASS/test/FILE"
     if all(names and names[0].lower() in SPLIT_NAMES for names in folders.values()):
-        # These are no classes: split folders lie above them.
+        # Split folders lie above the classes.
         layout = "train/CLASS/FILE, val/CLASS/FILE and test/CLASS/FILE"
         folders = {path: (names[1], names[0]) for path, names in folders.items() if names[1:]}
     divided, plain = [], []
@@ -99,7 +99,7 @@ def _from_folders(root: Path, undivided: str) -> list[Sample]:
             divided.append(Sample(path, label, splits[0]))
         else:
             plain.append(Sample(path, label, undivided))
-    # Beside split folders, the split of a file in its class's folder is not known.
+    # Beside split folders, files directly in the folder of a class are in no split.
     samples = divided or plain
     _report_left_out(root, files, samples, layout if divided else "CLASS/FILE")
     return samples
@@ -166,40 +166,38 @@ def class_names(samples: Iterable[Sample]) -> tuple[str, ...]:
 
 
 def random_split(samples: Sequence[Sample], train: int, val: int, seed: int) -> list[Sample]:
-    """Draw `train` and `val` samples of each class at random; the others are to test on.
+    """Draw `train` and `val` samples of each class at random; the others become the test split.
 
-    The split that the samples had is forgotten. The choice depends on the seed, the class names
-    and the file names alone; (train - n, n) holds out n of the training samples of (train, 0).
-    Raises DatasetError for a class that leaves none to test on.
+    The previous split is ignored. The choice depends on the seed, the class names and the file
+    names alone; (train - n, n) holds out n of the training samples of (train, 0). Raises
+    DatasetError for a class that leaves none to test on.
     """
-    by_class: dict[str, list[Sample]] = defaultdict(list)
-    for sample in samples:
-        by_class[sample.label].append(sample)
-    rng = np.random.default_rng(seed)
     chosen = []
-    for label, members in sorted(by_class.items()):
+    for label, members in _shuffled(samples, seed):
         if len(members) <= train + val:
             raise DatasetError(
                 f"class {label} has {len(members)} meshes: "
                 f"{train} to train on and {val} to validate on leave none to test on"
             )
-        members = sorted(members, key=lambda sample: sample.path.name)
-        for place, i in enumerate(rng.permutation(len(members))):
+        for place, sample in enumerate(members):
             split = "train" if place < train else "val" if place < train + val else "test"
-            chosen.append(replace(members[i], split=split))
+            chosen.append(replace(sample, split=split))
     return sorted(chosen, key=lambda sample: str(sample.path))
 
 
 def hold_out(samples: Sequence[Sample], share: float, seed: int) -> set[Sample]:
     """A random share of each class's samples, rounded, to validate on."""
+    drawn = (members for _, members in _shuffled(samples, seed))
+    return {one for members in drawn for one in members[: round(share * len(members))]}
+
+
+def _shuffled(samples: Sequence[Sample], seed: int) -> Iterator[tuple[str, list[Sample]]]:
+    """Each class with its samples in random order."""
     rng = np.random.default_rng(seed)
-    held = set()
     for label in class_names(samples):
-        mine = [sample for sample in samples if sample.label == label]
-        mine.sort(key=lambda sample: sample.path.name)
-        chosen = rng.permutation(len(mine))[: round(share * len(mine))]
-        held |= {mine[i] for i in chosen}
-    return held
+        members = [sample for sample in samples if sample.label == label]
+        members.sort(key=lambda sample: sample.path.name)
+        yield label, [members[i] for i in rng.permutation(len(members))]
 
 
 def write_split(samples: Sequence[Sample], path: Path) -> None:

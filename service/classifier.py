@@ -46,10 +46,9 @@ class Scene(Protocol):
     def to_mesh(self) -> TriangleMesh: ...
 
 
-# A path, the bytes of a file, (vertices, faces), or an object of a library.
-MeshSource: TypeAlias = (
-    str | os.PathLike[str] | bytes | tuple[ArrayLike, ArrayLike] | Mesh | TriangleMesh | Scene
-)
+FileSource: TypeAlias = str | os.PathLike[str] | bytes | bytearray | memoryview
+# A path or the bytes of a file; (vertices, faces); or an object of a library.
+MeshSource: TypeAlias = FileSource | tuple[ArrayLike, ArrayLike] | Mesh | TriangleMesh | Scene
 
 
 class SelfTestError(Error):
@@ -114,7 +113,7 @@ class Classifier:
 
         Raises MeshError if the mesh cannot be read or classified.
         """
-        if isinstance(mesh, str | os.PathLike | bytes):
+        if isinstance(mesh, str | os.PathLike | bytes | bytearray | memoryview):
             try:
                 return self.run(*self.read(mesh, format)).prediction
             except OSError as error:
@@ -126,7 +125,7 @@ class Classifier:
 
     def read(
         self,
-        source: str | os.PathLike[str] | bytes,
+        source: FileSource,
         name: str | None = None,
         pieces: Mapping[str, bytes] | None = None,
     ) -> tuple[Mesh, dict[str, float]]:

@@ -36,7 +36,7 @@ _TEXTS = (
 
 
 def load_mesh(
-    source: str | os.PathLike[str] | bytes,
+    source: str | os.PathLike[str] | bytes | bytearray | memoryview,
     name: str | None = None,
     limits: Limits | None = None,
     pieces: Mapping[str, bytes] | None = None,

@@ -1,4 +1,4 @@
-"""`meshconv3d train`: a folder of labelled meshes in, a checkpoint with its curves out."""
+"""`meshconv3d train`: trains a network on a folder of labelled meshes."""
 
 import json
 import re
@@ -195,16 +195,13 @@ def train(
     if done:
         _say("already finished" if done == epochs else f"going on after epoch {done}")
     with _kept_on_failure(trainer):
-        checkpoint = _calibrate(_run(trainer, parts["val"]), parts)
+        checkpoint = _evaluate(_run(trainer, parts["val"]), parts)
         name = split.name if isinstance(split, Path) else f"random:{split}" if split else "folders"
-        checkpoint.training["data"] = {
-            "name": data.resolve().name,
-            "split": name,
-            **{name: parts[name].total for name in SPLITS},
-        }
+        totals = {name: parts[name].total for name in SPLITS}
+        record: dict[str, Any] = {"data": {"name": data.resolve().name, "split": name, **totals}}
         if start:
-            checkpoint.training["from"] = start.training
-        checkpoint.training["accuracy"] = _measure(checkpoint.network, parts["test"])
+            record["from"] = start.training
+        checkpoint = replace(checkpoint, training=checkpoint.training | record)
         save_checkpoint(checkpoint, out / CHECKPOINT_FILE)
         draw_curves(trainer.history, out / CURVES_FILE)
     click.echo(f"wrote {out / CHECKPOINT_FILE}")
@@ -216,7 +213,7 @@ def _say(message: str) -> None:
 
 @contextmanager
 def _usage_errors(prefix: str = "") -> Iterator[None]:
-    """Turn the errors of data, settings and devices into usage errors."""
+    """Turn errors of data, settings and devices into usage errors."""
     try:
         yield
     except (ValueError, RuntimeError, AssertionError) as error:  # torch asserts that it has CUDA
@@ -225,7 +222,7 @@ def _usage_errors(prefix: str = "") -> Iterator[None]:
 
 @contextmanager
 def _kept_on_failure(trainer: "Trainer") -> Iterator[None]:
-    """Tell how to go on after an interruption or a failed write."""
+    """Print how to go on after an interruption or a failed write."""
     try:
         yield
     except (KeyboardInterrupt, OSError) as error:
@@ -237,7 +234,7 @@ def _kept_on_failure(trainer: "Trainer") -> Iterator[None]:
 
 
 def _find(data: Path, split: Path | int | None, seed: int) -> "list[Sample]":
-    """The samples of DATA under the split that was asked for. Raises DatasetError."""
+    """Samples of DATA under the requested split. Raises DatasetError."""
     from meshconv3d.model.datasets import find_samples, random_split
 
     if isinstance(split, int):
@@ -281,7 +278,7 @@ def _load(
 
 
 def _run(trainer: "Trainer", val: "LoadedSamples") -> "Checkpoint":
-    """Train, with a line an epoch; validation meshes are scored if there are any."""
+    """Train, with a line for each epoch, and the accuracy on validation meshes if there are any."""
     from meshconv3d.model.training.evaluation import accuracy
 
     def validate(network: "Network") -> dict[str, Any]:
@@ -297,23 +294,21 @@ def _run(trainer: "Trainer", val: "LoadedSamples") -> "Checkpoint":
     return trainer.run(show, validate)
 
 
-def _calibrate(checkpoint: "Checkpoint", parts: "dict[str, LoadedSamples]") -> "Checkpoint":
-    """Fit the out-of-distribution score to the training meshes and calibrate on those of val."""
-    from meshconv3d.model.training.evaluation import calibrate_network, fit_novelty
+def _evaluate(checkpoint: "Checkpoint", parts: "dict[str, LoadedSamples]") -> "Checkpoint":
+    """Fit the out-of-distribution score to training meshes, calibrate on those of val, and measure
+    the accuracy on test meshes, each where there are any."""
+    from meshconv3d.model.training.evaluation import accuracy, calibrate_network, fit_novelty
 
-    fit_novelty(checkpoint.network, parts["train"])
-    if not parts["val"].meshes:
+    network, test = checkpoint.network, parts["test"]
+    fit_novelty(network, parts["train"])
+    calibration, measured = None, {}
+    if parts["val"].meshes:
+        calibration = calibrate_network(network, parts["val"])
+    else:
         _say("no validation meshes: answers are not calibrated, nothing is unknown")
-        return checkpoint
-    return replace(checkpoint, calibration=calibrate_network(checkpoint.network, parts["val"]))
-
-
-def _measure(network: "Network", test: "LoadedSamples") -> dict[str, Any]:
-    """Accuracy on the test meshes with its protocol, which is printed; empty without any."""
-    from meshconv3d.model.training.evaluation import accuracy
-
-    if not test.total:
-        return {}
-    share = accuracy(network, test)
-    click.echo(f"test accuracy {share:.2%} of {test.total} meshes")
-    return {"selection": "last epoch", "test": round(share, 5), "test_meshes": test.total}
+    if test.total:
+        share = accuracy(network, test)
+        click.echo(f"test accuracy {share:.2%} of {test.total} meshes")
+        measured = {"selection": "last epoch", "test": round(share, 5), "test_meshes": test.total}
+    training = checkpoint.training | {"accuracy": measured}
+    return replace(checkpoint, calibration=calibration, training=training)

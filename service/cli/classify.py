@@ -58,7 +58,7 @@ def classify(
     tally = Tally()
     progress = Progress(listing, tally, quiet=as_json and at_terminal)
     tables = at_terminal and not as_json
-    printer = TablePrinter(top, progress.paused) if tables else Printer(top)
+    printer = TablePrinter(top) if tables else Printer(top)
     with executor, printer, progress:
         for one in executor.results(listing.files(others), lambda _: ()):
             tally.add(one.fault)

@@ -2,8 +2,7 @@
 
 import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from contextlib import suppress
 from typing import Self
 
 import click
@@ -25,8 +24,6 @@ from meshconv3d.service.batch.running import Tally
 from meshconv3d.service.prediction import Failure, Result
 from meshconv3d.service.records import record, to_json
 
-# Rows that are printed as one table: columns can be measured only once all rows are there.
-PAGE = 1000
 # The class and its runner-up: with more, the table outgrows a terminal of 80 columns.
 TABLE_TOP = 2
 
@@ -91,16 +88,6 @@ class Progress:
         """Seconds since the start."""
         return time.monotonic() - self._started
 
-    @contextmanager
-    def paused(self) -> Iterator[None]:
-        """Within it, something else may write to the terminal."""
-        if not self._bar.live.is_started:  # started again after the end, it would stay
-            yield
-            return
-        self._bar.stop()
-        yield
-        self._bar.start()
-
     def summary(self) -> str:
         """All in one line."""
         tally = self.tally
@@ -124,7 +111,7 @@ class Progress:
 class Printer:
     """Prints results on standard output: as JSON Lines, as they come.
 
-    top: only so many classes of each, or all.
+    top: number of classes of each, or None for all.
     """
 
     def __init__(self, top: int | None) -> None:
@@ -142,42 +129,29 @@ class Printer:
 
 
 class TablePrinter(Printer):
-    """As tables for a person, each with the reasons of its refusals below."""
+    """Prints a table for a person at the end, with the reasons of refusals below."""
 
-    def __init__(
-        self, top: int | None, undisturbed: Callable[[], AbstractContextManager[None]] = nullcontext
-    ) -> None:
-        """undisturbed: nothing else writes to the terminal within it."""
+    def __init__(self, top: int | None) -> None:
         super().__init__(TABLE_TOP if top is None else top)
-        self._undisturbed = undisturbed
-        self._results: list[tuple[str, Result]] = []
+        self._refusals: list[str] = []
+        self._table = Table(box=None, pad_edge=False)
+        self._table.add_column("File", overflow="fold")
+        self._table.add_column("Class")
+        self._table.add_column("Probability", justify="right")
+        self._table.add_column("Next")
+        self._table.add_column("Faces", no_wrap=True)
 
     def add(self, name: str, result: Result) -> None:
-        self._results.append((shown(name), result))
-        if len(self._results) >= PAGE:
-            self.__exit__()
+        self._table.add_row(shown(name), *_cells(result, self._top))
+        if isinstance(result, Failure):  # below: a sentence in a column would squeeze all others
+            self._refusals.append(f"[red]{shown(name)}: {shown(result.message)}[/red]")
 
     def __exit__(self, *_: object) -> None:
-        if self._results:
-            with self._undisturbed():
-                _print_table(self._results, self._top)
-        self._results = []
-
-
-def _print_table(results: list[tuple[str, Result]], top: int | None) -> None:
-    table = Table(box=None, pad_edge=False)
-    table.add_column("File", overflow="fold")
-    table.add_column("Class")
-    table.add_column("Probability", justify="right")
-    table.add_column("Next")
-    table.add_column("Faces", no_wrap=True)
-    for name, result in results:
-        table.add_row(name, *_cells(result, top))
-    console = Console(highlight=False)
-    console.print(table)
-    for name, result in results:  # below: a sentence in a column would squeeze all others
-        if isinstance(result, Failure):
-            console.print(f"[red]{name}: {shown(result.message)}[/red]", soft_wrap=True)
+        console = Console(highlight=False)
+        if self._table.row_count:
+            console.print(self._table)
+        for line in self._refusals:
+            console.print(line, soft_wrap=True)
 
 
 def _cells(result: Result, top: int | None) -> list[str]:
