@@ -15,9 +15,9 @@ from pydantic import BaseModel, Field
 
 from meshconv3d.model import metrics
 from meshconv3d.model.datasets import Sample
+from meshconv3d.model.files import replacing
 from meshconv3d.service.classifier import Classifier
 from meshconv3d.service.models import Model
-from meshconv3d.service.output_files import replacing
 from meshconv3d.service.prediction import Failure, ModelId, Prediction, Result
 from meshconv3d.service.records import readable, record
 

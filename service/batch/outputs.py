@@ -14,6 +14,7 @@ from itertools import count, islice
 from pathlib import Path
 from typing import Any, BinaryIO, Self, get_type_hints
 
+from meshconv3d.model.files import replacing
 from meshconv3d.model.preparation import MeshReport
 from meshconv3d.service.batch.files import exists, filesystem, is_url, remote_errors
 from meshconv3d.service.batch.resume import (
@@ -30,7 +31,6 @@ from meshconv3d.service.batch.resume import (
 )
 from meshconv3d.service.batch.running import Tally
 from meshconv3d.service.classifier import STAGES
-from meshconv3d.service.output_files import replacing
 from meshconv3d.service.records import Answer, Refusal, to_json
 
 # Rows that are written to Parquet at a time, and so held in memory.

@@ -17,7 +17,7 @@ from typing import Any
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
-from meshconv3d.service.output_files import replacing
+from meshconv3d.model.files import replacing
 from meshconv3d.service.prediction import ModelId
 from meshconv3d.service.records import Answer, Refusal
 

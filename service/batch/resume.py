@@ -8,6 +8,7 @@ import fcntl
 import hashlib
 import os
 import sqlite3
+import stat
 import time
 from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
@@ -15,8 +16,8 @@ from typing import BinaryIO, TypeAlias
 
 from pydantic import TypeAdapter
 
+from meshconv3d.model.files import errors_naming, replacing
 from meshconv3d.service.batch.files import filesystem, remote_errors
-from meshconv3d.service.output_files import errors_naming, open_to_append, replacing
 from meshconv3d.service.records import Answer, Refusal
 
 # Object stores cannot append: lines go there in parts, of so many or after so many seconds.
@@ -109,7 +110,7 @@ class LocalJournal:
         """Create it, or go on with it. Raises OSError, also where another process does."""
         path.parent.mkdir(parents=True, exist_ok=True)
         self._path = path
-        self._file = open_to_append(path)
+        self._file = _open_to_append(path)
         _lock(self._file, path)
 
     def recover(self, keep: Callable[[bytes], bool]) -> None:
@@ -197,6 +198,21 @@ class RemoteJournal:
     def remove(self) -> None:
         with remote_errors():
             self._fs.rm(self._folder, recursive=True)
+
+
+def _open_to_append(path: Path) -> BinaryIO:
+    """A file that is made, or added to. Raises OSError, also for a link and for what is no file.
+
+    Another user of the folder could place a link there, to have another file written to.
+    """
+    if path.is_symlink():
+        raise OSError(errno.ELOOP, "it is a link; name the file that it leads to", str(path))
+    flags = os.O_RDWR | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK
+    number = os.open(path, flags, 0o666)
+    if not stat.S_ISREG(os.fstat(number).st_mode):
+        os.close(number)
+        raise OSError(errno.EINVAL, "it is no file", str(path))
+    return open(number, "r+b")
 
 
 def _lock(file: BinaryIO, path: Path) -> None:

@@ -13,9 +13,9 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
+from meshconv3d.model.files import errors_naming
 from meshconv3d.service.batch.files import File, LocalFile
 from meshconv3d.service.batch.running import FileResult
-from meshconv3d.service.output_files import errors_naming
 from meshconv3d.service.prediction import Failure, Result
 
 # How many names below DIR a file lies: CLASS/FILE, refused/FAULT/FILE.

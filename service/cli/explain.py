@@ -46,10 +46,10 @@ def explain(
     input. Prints the record of `meshconv3d classify`, too. Exits with 0 if the mesh was explained,
     1 if it cannot be used, 2 if the call itself is wrong.
     """
+    from meshconv3d.model.files import replacing
     from meshconv3d.service.attribution import FORMS, NotExplained, explained_class
     from meshconv3d.service.batch.running import Options, SerialExecutor
     from meshconv3d.service.cli.terminal import Printer, TablePrinter
-    from meshconv3d.service.output_files import replacing
     from meshconv3d.service.prediction import Prediction
     from meshconv3d.service.workers import ExplanationOptions, Task, predict
 

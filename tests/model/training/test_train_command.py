@@ -1,6 +1,7 @@
 """`meshconv3d train` as it is called: what it begins with, and what it refuses."""
 
 import errno
+import os
 from pathlib import Path
 
 import pytest
@@ -170,23 +171,22 @@ def test_a_full_disk_loses_no_finished_epoch(
     first: Path, tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     data, options = first.parent / "data", (*SMALL, "--epochs", 2)
-    write_bytes, left = Path.write_bytes, [2]
+    rename, left = os.replace, [2]
 
-    def fill_up(path: Path, content: bytes) -> int:
-        if path.name == name + ".partial":
+    def fill_up(new: str, path: Path) -> None:
+        if path.name == name:
             left[0] -= 1
             if left[0] <= (0 if name != "model.safetensors" else 1):
-                write_bytes(path, content[:10])
                 raise OSError(errno.ENOSPC, "No space left on device")
-        return write_bytes(path, content)
+        rename(new, path)
 
     with monkeypatch.context() as patch:
-        patch.setattr(Path, "write_bytes", fill_up)
+        patch.setattr(os, "replace", fill_up)
         result = train(data, tmp_path, *options)
     assert result.exit_code == 1
     assert "run the same command again to go on after" in result.stderr
     assert "No space left on device" in result.stderr
-    assert not list(tmp_path.glob("*.partial"))
+    assert not list(tmp_path.glob(".meshconv3d-*"))
     stderr = said(train(data, tmp_path, *options))
     assert "going on after epoch 1" in stderr or "already finished" in stderr
     assert (tmp_path / "model.safetensors").is_file()
