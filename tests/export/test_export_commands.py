@@ -122,7 +122,7 @@ def test_verify_fails_when_the_card_says_something_else(
 def test_verify_fails_on_what_is_no_model(checkpoint_file: Path) -> None:
     result = run("verify", checkpoint_file, "--checkpoint", checkpoint_file)
     assert result.exit_code == 1
-    assert "no ONNX model" in result.stderr
+    assert "the file is a checkpoint" in result.stderr
 
 
 def test_inspect_shows_every_entry_for_people_and_programs(model_file: Path) -> None:
