@@ -23,15 +23,15 @@ def usable_cpus(root: Path = ROOT) -> int:
     return max(1, int(min(cores or 1, cpu_quota(root))))
 
 
-def default_workers(mesh_bytes: int, root: Path = ROOT) -> int:
+def default_workers(mesh_bytes: int, queue_bytes: int, root: Path = ROOT) -> int:
     """Workers for these cores, or fewer where the container's memory holds fewer.
 
-    mesh_bytes: what one mesh may take in each.
+    mesh_bytes: what one mesh may take in each. queue_bytes: of uploads in the front.
     """
     cpus, memory = usable_cpus(root), memory_limit(root)
     if memory is None:
         return cpus
-    return max(1, min(cpus, (memory - SERVICE_BYTES) // (WORKER_BYTES + mesh_bytes)))
+    return max(1, min(cpus, (memory - SERVICE_BYTES - queue_bytes) // (WORKER_BYTES + mesh_bytes)))
 
 
 def cpu_quota(root: Path = ROOT) -> float:

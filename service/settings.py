@@ -145,7 +145,7 @@ class Settings(BaseSettings):
     @model_validator(mode="after")
     def _fit_workers_into_memory(self) -> Self:
         if "workers" not in self.model_fields_set:
-            self.workers = default_workers(self.worker_memory_bytes)
+            self.workers = default_workers(self.worker_memory_bytes, self.max_queue_bytes)
         return self
 
     @model_validator(mode="after")

@@ -107,17 +107,17 @@ def test_workers_are_as_many_as_quota_and_memory_hold(
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: range(8))
 
     def workers(cpu: str, memory: str) -> int:
-        return default_workers(GIB, v2(tmp_path, {"cpu.max": cpu, "memory.max": memory}, "/"))
+        return default_workers(GIB, GIB, v2(tmp_path, {"cpu.max": cpu, "memory.max": memory}, "/"))
 
     assert workers("max 100000", "max") == 8
     assert workers("250000 100000", "max") == 2
     assert workers("50000 100000", "max") == 1
-    assert workers("max 100000", str(SERVICE_BYTES + 3 * (WORKER_BYTES + GIB))) == 3
+    assert workers("max 100000", str(SERVICE_BYTES + GIB + 3 * (WORKER_BYTES + GIB))) == 3
     assert workers("max 100000", str(GIB)) == 1
 
 
 def test_a_setting_goes_before_the_container(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("meshconv3d.service.settings.default_workers", lambda _: 1)
+    monkeypatch.setattr("meshconv3d.service.settings.default_workers", lambda *_: 1)
     assert Settings().workers == 1
     assert Settings(workers=3).workers == 3
 
