@@ -1,7 +1,7 @@
-"""The network's room: meshes, their topology, and the network trained on them.
+"""Meshes, their preparation and topology, and the network that is trained on them.
 
 `import meshconv3d.model` loads neither torch nor onnx. The network is in `model.nn`, training in
-`model.training`: both need torch. Everything else is NumPy and numba, and is what serving runs.
+`model.training`: both need torch. All other modules are NumPy and numba, and are used in serving.
 
 Legend of dimension letters, used in every docstring of the project:
 

@@ -1,8 +1,7 @@
-"""Colours of evidence: blue against a class, orange for it, near white for neither.
+"""Colour map of evidence: blue against a class, orange for it, near white for neither.
 
-The map is straight from its middle to both ends in OKLab (Björn Ottosson, 2020), a space whose
-distances are those that the eye sees, and both ends are as light and as strong as each other. Blue
-and orange are told apart by nearly all who are colour-blind.
+The map is linear from its middle to both ends in OKLab (Björn Ottosson, 2020), a perceptually
+uniform space. Nearly all people with a colour vision deficiency can tell blue from orange.
 """
 
 import numpy as np
@@ -31,7 +30,7 @@ _TO_RGB = np.array(
 
 
 def linear_colours(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Linear RGB (N x 3, in [0, 1]) of values from -1 to 1; what is beyond has the last colour."""
+    """Linear RGB (N x 3, in [0, 1]) of values, which are clipped to -1 to 1."""
     strength = np.clip(np.abs(values), 0, 1)[:, None]
     end = np.where((values > 0)[:, None], FOR, AGAINST)
     lab = (1 - strength) * NEITHER + strength * end
@@ -39,12 +38,12 @@ def linear_colours(values: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def srgb_colours(values: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """The same as N x 3 bytes of sRGB, as screens and most files have it."""
+    """sRGB of values, N x 3 bytes."""
     linear = linear_colours(values)
     curved = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
     return np.round(255 * curved).astype(np.uint8)
 
 
 def legend_colours(count: int = 11) -> list[str]:
-    """The map from -1 to 1 in even steps, as web colours."""
+    """Colours of even steps from -1 to 1, as web colours."""
     return [f"#{bytes(colour).hex()}" for colour in srgb_colours(np.linspace(-1, 1, count))]

@@ -16,9 +16,9 @@ from meshconv3d.model.preparation import face_areas
 from meshconv3d.service.classifier import Classifier, timed
 from meshconv3d.service.prediction import Prediction
 
-# The share of the surface that the colours tell apart; what is beyond it has the last colour.
+# Share of the surface within the range of the colour map; the rest has its last colours.
 SHOWN_SHARE = 0.95
-# The least area, as a share of the mesh's, over which a contribution is spread.
+# Minimum area of a face, as a share of the mesh's, in densities.
 LEAST_AREA = 1e-12
 
 
@@ -60,19 +60,17 @@ class Explanation:
 
     @cached_property
     def densities(self) -> NDArray[np.float64]:
-        """Contributions by area, F float64: what the score would be, less the bias, if all of
-        the surface said what this face says.
+        """Contributions per share of the area, F float64.
 
-        A contribution by itself grows with the face: one of two halves would look half as
-        important as the whole. The mean of the densities over the surface is the score less the
-        bias.
+        Unlike contributions, they do not depend on the size of faces. Their mean over the surface
+        is the score without the bias.
         """
         shares = self._areas / self._areas.sum()
         return self.contributions / np.maximum(shares, LEAST_AREA)
 
     @cached_property
     def limit(self) -> float:
-        """The density of the last colours: SHOWN_SHARE of the surface is not beyond it."""
+        """Density of the last colours: SHOWN_SHARE of the surface has a lower one."""
         sizes = np.abs(self.densities)
         order = np.argsort(sizes)
         covered = np.cumsum(self._areas[order])
@@ -80,7 +78,7 @@ class Explanation:
 
 
 def explained_class(classes: Sequence[str], pooling: str, label: str | None) -> None:
-    """Raises NotExplained where a model cannot explain a class; None stands for the likeliest."""
+    """Raises NotExplained if a model cannot explain a class; None is the likeliest."""
     if pooling == "learned":
         raise NotExplained(
             "learned-pooling",

@@ -1,4 +1,4 @@
-"""Batch: files of any number are classified into one output, in memory that does not grow.
+"""Batch: any number of files classified into one output, in bounded memory.
 
 `listing` finds the `files`, `running` classifies them on this machine and `ray_engine` on a
 cluster. `outputs` keeps the records and `resume` goes on with them after an interruption. `sort`

@@ -1,7 +1,7 @@
-"""Output of a batch: FILE.jsonl, FILE.csv or FILE.parquet, safe from any interruption.
+"""Output of a batch: FILE.jsonl, FILE.csv or FILE.parquet, written so that runs can be resumed.
 
-JSON Lines on this machine are their own journal. Any other form has one beside it, named after it
-with `.journal`, from which it is made once all is done.
+JSON Lines on this machine are their own journal. Any other output is made of FILE.journal, beside
+it, once all files are done.
 """
 
 import csv
@@ -36,7 +36,7 @@ from meshconv3d.service.records import Answer, Refusal, to_json
 # Rows that are written to Parquet at a time, and so held in memory.
 ROW_GROUP = 4096
 
-# How a cell begins that a spreadsheet would take for a formula, or that hides one.
+# First characters of cells that a spreadsheet would take for formulas.
 FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")
 
 CSV_COLUMNS = (
@@ -55,8 +55,8 @@ class Output:
     """
 
     def __init__(self, path: str, resume: bool) -> None:
-        """Nothing is written yet. Raises NotWritten, also where something would be overwritten;
-        ModuleNotFoundError where an extra is missing; OSError."""
+        """Check the path; `begin` writes. Raises NotWritten, also if a file would be overwritten;
+        ModuleNotFoundError if an extra is missing; OSError."""
         form = path.rpartition(".")[2].lower()
         if form not in FORMS:
             forms = ", ".join(f".{form}" for form in FORMS)
@@ -82,10 +82,9 @@ class Output:
             )
 
     def begin(self, run: str) -> Iterator[Entry]:
-        """Create the output, or go on with it; the entries that are there already. run: see
-        `run_id`.
+        """Create or resume the output; yields the entries of earlier runs. run: see `run_id`.
 
-        Raises OSError, and NotWritten where what is there is of another run, or damaged.
+        Raises OSError, and NotWritten for entries that are damaged or of other settings.
         """
         self._run = run
         path = self.journal_path
@@ -103,7 +102,7 @@ class Output:
         return self._done.take(name)
 
     def add(self, record: Answer | Refusal, sha256: str | None) -> None:
-        """Keep a record. sha256: see `FileResult`. Raises OSError."""
+        """Append a record. sha256: see `FileResult`. Raises OSError."""
         added = entry(record, sha256, self._run)
         self._journal.add(to_json(added) + b"\n")
         self.tally.add(fault_of(added))
@@ -113,9 +112,8 @@ class Output:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        """After an error, keep what was added, for --resume to go on with. Otherwise write the
-        file, with all records. Its journal is removed, unless another attempt may change a record.
-        Raises OSError."""
+        """After an error, keep the journal for --resume. Otherwise write the file, and remove the
+        journal unless another attempt may change a record. Raises OSError."""
         self._journal.close()
         if kind is not None or self._is_journal:
             return
@@ -142,11 +140,8 @@ def write_lines(entries: Iterable[Entry], file: BinaryIO) -> None:
 
 
 def write_csv(entries: Iterable[Entry], file: BinaryIO) -> None:
-    """A row for each entry; what lies deeper has its path as its column, as `mesh.faces_in`. Lists
-    and booleans are JSON.
-
-    Text that a spreadsheet would take for a formula begins with an apostrophe.
-    """
+    """Entries as rows; nested values have their path as column, as `mesh.faces_in`. Lists and
+    booleans are JSON. An apostrophe precedes text that a spreadsheet would take for a formula."""
     text = io.TextIOWrapper(file, encoding="utf-8", newline="", write_through=True)
     rows = csv.DictWriter(_Rows(text), CSV_COLUMNS, extrasaction="ignore")
     rows.writeheader()
@@ -155,8 +150,8 @@ def write_csv(entries: Iterable[Entry], file: BinaryIO) -> None:
 
 
 class _Rows:
-    """Ends rows with a line feed alone. The writer has to think otherwise: before Python 3.13 it
-    quotes a carriage return only where it ends rows, and one in a name would make two of a row."""
+    """Replaces the writer's line ends by line feeds. Before Python 3.13, a writer quotes a carriage
+    return in a cell only if its line ends contain one."""
 
     def __init__(self, file: io.TextIOWrapper) -> None:
         self._file = file

@@ -1,7 +1,7 @@
 """Files to results over a Ray cluster. Importing it needs ray, of the extra `ray`.
 
-Ray Data schedules, holds back what comes too fast, and does again what a lost node had in hand.
-Files travel as their paths or URLs, not as their bytes: an actor reads one where it classifies it.
+Ray Data schedules the work, bounds the queues, and repeats the work of a lost node. Paths and URLs
+are sent, not bytes: the actor that classifies a file reads it.
 """
 
 import logging
@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator
 from itertools import islice
 from typing import Any
 
-# Read as Ray is imported: it neither phones home nor writes where others' output goes.
+# Read when Ray is imported: no telemetry, and no output on the terminal.
 os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
 os.environ.setdefault("RAY_BACKEND_LOG_LEVEL", "fatal")
 
@@ -34,22 +34,21 @@ from meshconv3d.service.workers import Setup, WorkerPool
 
 # Files that an actor takes at a time, and that are done again if its node is lost.
 BLOCK = 32
-# Blocks that it has in hand: while one waits for its last file, another is read.
+# Blocks of an actor at a time: while one waits for its last file, another is read.
 IN_HAND = 2
-# Files that are listed before the first is classified. Ray must know all its input at once: for
-# more, its actors start anew, which takes seconds.
+# Files of one Ray job, which are listed before the first is classified. Each job starts its actors,
+# which takes seconds.
 AT_ONCE = 200_000
-# Actors that may die one after the other as they start, which is put down to nodes that are lost
-# without Ray's knowing it yet.
+# Actors that may die one after the other at their start: nodes may be lost without Ray knowing it.
 STARTS = 10
-# How long a cluster may take to answer at all.
+# Time for a cluster to accept a connection.
 ANSWER_SECONDS = 10.0
 # The address that stands for a cluster on this machine that ends with the executor.
 LOCAL = "local"
 
 
 class RayExecutor(Executor):
-    """In the actors of a cluster, each with one worker process and one CPU; see `Actor`."""
+    """Classifies in the actors of a cluster, each with one worker process and one CPU."""
 
     def __init__(self, setup: Setup, workers: int | None, address: str, options: Options) -> None:
         """Connect to a cluster, or start one on this machine.
@@ -100,10 +99,10 @@ class RayExecutor(Executor):
 
 
 class Actor:
-    """On a node of the cluster: blocks of files in, blocks of results out.
+    """Turns blocks of files into blocks of results, on a node of the cluster.
 
-    It reads the files and its one worker process classifies them: one that breaks its reader costs
-    its own record, as everywhere. Several blocks may be in hand at a time.
+    It reads the files, and its one worker process classifies them: a file that crashes the process
+    costs its own record alone. Several blocks may be in work at a time.
     """
 
     def __init__(self, setup: Setup, options: Options) -> None:
@@ -113,8 +112,7 @@ class Actor:
         self._executor = PoolExecutor(pool, 1, options)
 
     def __call__(self, block: Block) -> Block:
-        """The results of the files that are not done. block: each with the contents with which it
-        is done."""
+        """Results of the files that are not done. block: pairs of a file and its `DoneAs`."""
         pairs = _unpacked(block)
         done = iter([contents for _, contents in pairs])
         files = [file for file, _ in pairs]
@@ -153,7 +151,7 @@ def _connect(address: str, workers: int | None) -> None:
 
 
 def _check_answers(address: str) -> None:
-    """Ray itself would try for minutes."""
+    """Raise ExecutorFailed if nothing accepts a connection: Ray would retry for minutes."""
     host, _, port = address.rpartition(":")
     if "/" in address or not port.isdigit():
         raise ExecutorFailed(
@@ -167,11 +165,11 @@ def _check_answers(address: str) -> None:
 
 
 def _log_to_files_alone() -> None:
-    """Ray keeps a log of each session; standard error is for what a person must know."""
+    """Keep Ray Data's messages in its log files, off standard error."""
     log = logging.getLogger("ray.data")
     log.handlers = [handler for handler in log.handlers if handler.name != "console"]
 
 
 def _said(error: Exception) -> str:
-    """The last lines of what Ray says, which are what went wrong; tracebacks come before them."""
+    """Last lines of an error of Ray, which tell the reason; tracebacks come before them."""
     return " ".join(line.strip() for line in str(error).strip().splitlines()[-2:])

@@ -1,7 +1,7 @@
-"""One page to look over the results of a batch: no server, no network, nothing beside it.
+"""Report of a batch: one HTML page that needs no server, network or other file.
 
-A report takes one record after the other and keeps a bounded part of them; `write_page` writes that
-into the templates in `templates/`. Needs the extra `report`; `service.picture` draws the meshes.
+`Report` collects the records and keeps a bounded part of them; `write_page` renders `templates/`.
+Needs the extra `report`; `service.picture` draws the meshes.
 """
 
 import base64
@@ -41,10 +41,10 @@ BUFFERED = 200
 
 
 class Gallery:
-    """Classified files that are shown, at most `most`, as the page's script reads them.
+    """The classified files that the page shows, at most `most`.
 
-    What does not fit are the surest of the classes with most files, so that the doubtful ones and
-    small classes stay; the unknown ones count as a class.
+    Beyond that, the most probable file of the largest class is dropped, so that doubtful files and
+    small classes stay; unknown files count as a class.
     """
 
     def __init__(self, most: int) -> None:
@@ -55,7 +55,7 @@ class Gallery:
         self._classes: dict[str | None, list[tuple[float, int, Entry]]] = defaultdict(list)
 
     def add(self, answer: Answer, picture: bytes | None) -> None:
-        """Take a file, and let one go where that makes too many."""
+        """Add a file, and drop one if that makes too many."""
         entry = {
             "file": answer.file or "-",
             "unknown": bool(answer.unknown),
@@ -72,14 +72,14 @@ class Gallery:
             self._held -= 1
 
     def least_certain_first(self) -> list[Entry]:
-        """The files that are held."""
+        """The files, by ascending probability."""
         held = (one for files in self._classes.values() for one in files)
         return [entry for _, _, entry in sorted(held, key=lambda one: (-one[0], one[1]))]
 
 
 @dataclass
 class Fault:
-    """Files that were refused for one reason. named: the first of them."""
+    """Refused files of one error code. named: the first of them."""
 
     files: int = 0
     named: list[Refusal] = field(default_factory=list)
@@ -126,17 +126,17 @@ class Report:
 
     @property
     def classified(self) -> int:
-        """Files with a class that is not only the nearest."""
+        """Number of files with a class, without unknown ones."""
         return self.classes.total()
 
     @property
     def refused(self) -> int:
-        """Files without an answer."""
+        """Number of refused files."""
         return sum(fault.files for fault in self.faults.values())
 
     @property
     def files(self) -> int:
-        """All."""
+        """Number of all files."""
         return self.classified + self.unknown + self.refused
 
     @property
@@ -146,9 +146,9 @@ class Report:
 
 
 def write_page(report: Report, path: Path, seconds: float) -> None:
-    """Write the page of a report, whole or not at all. seconds: how long the batch took.
+    """Write the page of a report atomically, with names escaped. seconds: time of the batch.
 
-    Names in it are only text. Raises OSError where it cannot be written.
+    Raises OSError.
     """
     environment = Environment(
         loader=FileSystemLoader(TEMPLATES),
@@ -195,12 +195,12 @@ def _digest(source: str) -> str:
 
 
 def _count(number: int) -> str:
-    """With a narrow space between thousands."""
+    """Number with narrow spaces between thousands."""
     return f"{number:,}".replace(",", "\u202f")
 
 
 def _duration(seconds: float) -> str:
-    """As people say it: 4.2 s, 3 min 20 s, 2 h 5 min."""
+    """Duration in words: 4.2 s, 3 min 20 s, 2 h 5 min."""
     if seconds < 60:
         return f"{seconds:.1f} s"
     minutes, rest = divmod(round(seconds), 60)

@@ -20,14 +20,14 @@ from meshconv3d.model.files import errors_naming, replacing
 from meshconv3d.service.batch.files import filesystem, remote_errors
 from meshconv3d.service.records import Answer, Refusal
 
-# Object stores cannot append: lines go there in parts, of so many or after so many seconds.
+# Object stores cannot append: parts are written after so many lines or seconds.
 PART_LINES = 1000
 PART_SECONDS = 10.0
 
-# Faults that another attempt may not find: they depend on the machine as much as on the file.
+# Errors that may not occur again: they depend on the machine as well as on the file.
 PASSING = frozenset({"deadline", "internal", "too-much-memory", "worker-crashed"})
 
-# How the line of a record begins, and the most bytes that one may have.
+# First bytes of the line of a record, and its maximum length.
 RECORD_START = b'{"file":'
 LONGEST_LINE = 64 * 2**20
 
@@ -53,7 +53,7 @@ _ENTRY: TypeAdapter[Entry] = TypeAdapter(Entry)
 
 
 class NotWritten(ValueError):
-    """An output cannot be written as it was asked for; the message says what to do."""
+    """Error of an output that cannot be written as requested; the message says what to do."""
 
 
 def entry(record: Answer | Refusal, sha256: str | None, run: str) -> Entry:
@@ -67,7 +67,7 @@ def is_settled(found: Entry) -> bool:
 
 
 def fault_of(record: Answer | Refusal) -> str | None:
-    """Why a file was not classified; None if it was."""
+    """Error code of a record; None for an answer."""
     return record.error.fault if isinstance(record, Refusal) else None
 
 
@@ -77,14 +77,14 @@ def parse_line(line: bytes) -> Entry:
 
 
 def is_kept(line: bytes, number: int, run: str, path: str) -> bool:
-    """Whether a line of a journal stays as a run goes on. number, path: where it is.
+    """Whether a resumed run keeps a line of a journal. number, path: of the line.
 
-    Raises NotWritten for what another run or program has written, and for what is damaged.
+    Raises NotWritten for a line that is damaged, or was written by another run or program.
     """
-    content = line.rstrip(b"\0")  # which a file may end with that was written as the power went
+    content = line.rstrip(b"\0")  # a file may end with these after a loss of power
     whole = line.endswith(b"\n") or len(line) == LONGEST_LINE
     if not whole and content.startswith(RECORD_START[: len(content)]):
-        return False  # the process was killed as it wrote it
+        return False  # the process was killed while writing it
     if line.isspace():
         return False
     try:
@@ -103,18 +103,18 @@ def is_kept(line: bytes, number: int, run: str, path: str) -> bool:
 
 
 class LocalJournal:
-    """One file of lines, which are found again after any end of the process: a line is with the
-    system as soon as it was added."""
+    """One file of lines. Each line is flushed to the system as it is added, so that it survives any
+    end of the process."""
 
     def __init__(self, path: Path) -> None:
-        """Create it, or go on with it. Raises OSError, also where another process does."""
+        """Create or resume it. Raises OSError, also if another process writes it."""
         path.parent.mkdir(parents=True, exist_ok=True)
         self._path = path
         self._file = _open_to_append(path)
         _lock(self._file, path)
 
     def recover(self, keep: Callable[[bytes], bool]) -> None:
-        """Drop the lines that are not to be kept. Raises what `keep` raises, and then all are."""
+        """Remove the lines that `keep` rejects. If it raises, nothing is removed."""
         with replacing(self._path) as fresh:
             fcntl.flock(fresh, fcntl.LOCK_EX)
             fresh.writelines(filter(keep, self))
@@ -123,7 +123,7 @@ class LocalJournal:
         self._file = open(kept, "r+b")  # noqa: SIM115 (open until closed)
 
     def __iter__(self) -> Iterator[bytes]:
-        """All lines; the last one may have been cut off, and none has over LONGEST_LINE bytes."""
+        """All lines, in pieces of LONGEST_LINE bytes at most; the last may be cut off."""
         with self._path.open("rb") as file:
             yield from iter(lambda: file.readline(LONGEST_LINE), b"")
 
@@ -226,10 +226,10 @@ def _lock(file: BinaryIO, path: Path) -> None:
 
 
 class Done:
-    """Files that are done, by name and content. On disk: memory is for what is not done."""
+    """Files that are done, by name and content, in a database on disk."""
 
     def __init__(self) -> None:
-        # Without a name: a database that only this process sees, and that goes with it.
+        # Without a name: a temporary file, which is removed with this process.
         self._files = sqlite3.connect("", isolation_level=None)
         self._execute("PRAGMA journal_mode = OFF")
         self._execute("CREATE TABLE done (name BLOB, sha256 TEXT)")
@@ -240,9 +240,9 @@ class Done:
         self._execute("INSERT INTO done VALUES (?, ?)", _key(found.file), found.sha256)
 
     def take(self, name: str) -> Collection[str]:
-        """The contents with which the next file of this name is done.
+        """Contents with which the next file of this name is done, see `DoneAs`.
 
-        Each time one less: a file may have been named twice, and then has two records.
+        Each call removes one: a file that was named twice has two records.
         """
         query = "SELECT rowid, sha256 FROM done WHERE name = ? ORDER BY rowid"
         found = self._execute(query, _key(name)).fetchall()

@@ -37,18 +37,18 @@ T = TypeVar("T")
 
 # Raises MeshError, DeadlineExceeded or TaskFailed.
 Classify = Callable[[Task], Prediction]
-# With which contents, by their SHA-256, the next file of this name need not be classified (again).
-# Asked for each file once, before it is read.
+# SHA-256 of the contents with which the next file of this name is already done. Called once for
+# each file, before it is read.
 DoneAs = Callable[[str], Collection[str]]
 
 
 class ExecutorFailed(OSError):
-    """An executor cannot go on; the message says why. The results that it gave stand."""
+    """Error of an executor that cannot go on. The results that it gave stay valid."""
 
 
 @dataclass(frozen=True)
 class Options:
-    """Of every file. model: name of one that has been opened. bytes: larger files are not read."""
+    """Options of all files. model: name of the opened model. bytes: larger files are not read."""
 
     model: str
     bytes: int
@@ -64,12 +64,12 @@ class FileResult:
 
     @property
     def fault(self) -> str | None:
-        """Why it was not classified; None if it was."""
+        """Error code; None if the file was classified."""
         return self.result.fault if isinstance(self.result, Failure) else None
 
     @property
     def picture(self) -> bytes | None:
-        """A PNG of the mesh, where pictures are drawn."""
+        """PNG of the mesh, where pictures are drawn."""
         return self.result.picture if isinstance(self.result, Prediction) else None
 
 
@@ -83,7 +83,7 @@ class Tally:
     earlier: int = 0
 
     def add(self, fault: str | None) -> None:
-        """Count one file. fault: why it was not classified; None if it was."""
+        """Count one file. fault: error code; None if it was classified."""
         if fault is None:
             self.classified += 1
         else:
@@ -91,11 +91,11 @@ class Tally:
 
     @property
     def files(self) -> int:
-        """All of them."""
+        """Number of all files."""
         return self.classified + self.refused.total()
 
     def reasons(self) -> str:
-        """The faults, the commonest first: "no-faces 2, deadline 1"."""
+        """Error codes with their counts, most frequent first: "no-faces 2, deadline 1"."""
         return ", ".join(f"{fault} {count}" for fault, count in self.refused.most_common())
 
 
@@ -106,22 +106,22 @@ def run_id(model_sha256: str, top: int | None, limits: Limits) -> str:
 
 
 class Executor:
-    """Turns files into results, within bounds on what is held, whatever comes."""
+    """Turns files into results. It reads ahead within bounds on files and bytes."""
 
     def results(self, files: Iterable[File], done_as: DoneAs) -> Iterator[FileResult]:
-        """The result of each file that is not done, in their order. Raises ExecutorFailed."""
+        """Result of each file that is not done, in order. Raises ExecutorFailed."""
         raise NotImplementedError
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Stop what it has started."""
+        """Stop threads and processes."""
 
 
 class SerialExecutor(Executor):
-    """In this process. For a few files: worker processes take seconds to start. A file that breaks
-    its reader breaks this process."""
+    """Classifies in this process, for a few files: worker processes take seconds to start. A file
+    that crashes its reader ends this process."""
 
     def __init__(self, classify: Classify, options: Options) -> None:
         self._classify = classify
@@ -135,10 +135,10 @@ class SerialExecutor(Executor):
 
 
 class PoolExecutor(Executor):
-    """In the processes of a pool that has started; it is stopped at the end.
+    """Classifies in a pool that has started, and stops it at the end.
 
-    A thread for each file on its way reads it, and waits for its worker: so what is held is
-    bounded by the number of threads, and by their bytes.
+    A thread reads each file and waits for its result. The number of threads, and a budget of bytes,
+    bound what is held.
     """
 
     def __init__(self, pool: WorkerPool, workers: int, options: Options) -> None:
@@ -168,7 +168,7 @@ class PoolExecutor(Executor):
 def classify_file(
     file: File, options: Options, classify: Classify, done: Collection[str]
 ) -> FileResult | None:
-    """The result of one file, whatever the file is; None for one that is done: see `DoneAs`."""
+    """Result of one file, of any content; None for one that is done, see `DoneAs`."""
     sha256 = None
     try:
         _check_size(file.size(), options.bytes)
@@ -216,8 +216,7 @@ def _check_size(size: int, most: int) -> None:
 def in_order(
     begin: Callable[[Item], Future[T]], items: Iterable[Item], ahead: int = AHEAD
 ) -> Iterator[T]:
-    """Results of work that runs elsewhere, in the order of the items; of at most `ahead` items
-    none is given yet."""
+    """Results of concurrent work in the order of the items, with at most `ahead` items begun."""
     begun: deque[Future[T]] = deque()
     for item in items:
         begun.append(begin(item))
@@ -228,10 +227,8 @@ def in_order(
 
 
 class Budget:
-    """Bytes that all threads may hold together: one that brings more than is left waits.
-
-    What is larger than all of it is taken alone.
-    """
+    """Bytes that all threads may hold together. A thread waits until its bytes fit; more than the
+    whole budget fit alone."""
 
     def __init__(self, most: int) -> None:
         self._most = most
@@ -240,7 +237,7 @@ class Budget:
 
     @contextmanager
     def held(self, size: int) -> Iterator[None]:
-        """Hold so many bytes, once there is room for them."""
+        """Hold bytes, once they fit."""
         size = min(size, self._most)
         with self._changed:
             self._changed.wait_for(lambda: self._free >= size)

@@ -1,1 +1,1 @@
-"""The command line: `main` is the table of commands; each command lies beside what it drives."""
+"""Command line: `main` is the table of commands, which are modules of this and other packages."""

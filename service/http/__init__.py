@@ -1,1 +1,1 @@
-"""The HTTP door: `app` has the routes, `uploads` the bytes, `problems` the errors."""
+"""HTTP service: `server` runs `app`; `v1` and `oip` have the routes, `problems` the errors."""
