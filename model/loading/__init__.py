@@ -10,6 +10,7 @@ limits. All formats are read with NumPy: to find out whether a general library w
 file rightly, and within bounds, one has to read it first.
 """
 
+from meshconv3d.model.loading.archive import is_zip
 from meshconv3d.model.loading.folders import (
     MeshArchive,
     extension,
@@ -38,6 +39,7 @@ __all__ = [
     "has_mesh_name",
     "has_other_format",
     "is_hidden",
+    "is_zip",
     "load_mesh",
     "read_beside",
     "walk_files",

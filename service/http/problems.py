@@ -81,7 +81,8 @@ def request_error(error: Exception) -> RequestError:
             return error
         case MeshError():
             limit = error.value if isinstance(error, LimitExceeded) else None
-            return RequestError(STATUSES[type(error)], error.fault, str(error), limit)
+            more = "; batches go to /v1/classify/batch" if error.fault == "several-meshes" else ""
+            return RequestError(STATUSES[type(error)], error.fault, str(error) + more, limit)
         case NotExplained():
             return RequestError(404, error.fault, str(error))
         case DeadlineExceeded():

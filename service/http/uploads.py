@@ -8,8 +8,9 @@ import io
 import re
 import sys
 import time
-from collections.abc import AsyncIterator
-from dataclasses import dataclass
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import PurePath
 from urllib.parse import unquote_to_bytes
 
@@ -17,7 +18,15 @@ from fastapi import Request
 from python_multipart.exceptions import FormParserError
 from python_multipart.multipart import MultipartParser, parse_options_header
 
-from meshconv3d.model.loading import FORMATS
+from meshconv3d.model.errors import MeshError
+from meshconv3d.model.loading import (
+    FORMATS,
+    Limits,
+    MeshArchive,
+    find_pieces,
+    has_mesh_name,
+    is_zip,
+)
 from meshconv3d.service.http.admission import admitted, declared_length
 from meshconv3d.service.http.context import context_of
 from meshconv3d.service.http.problems import RequestError
@@ -38,6 +47,9 @@ MAX_OTHER_PARTS = 10
 MAX_HEADER_BYTES = 2048
 MAX_PARAMETERS = 16
 PIECE_BYTES = 64 * 1024
+# Files of a form beside its meshes: buffers, pictures, materials.
+MAX_PIECES = 100
+LIMITS = Limits()  # of archives
 # Longest boundary of a form (RFC 2046, 5.1.1).
 MAX_BOUNDARY = 70
 UTF8 = {b"utf-8", b"utf8"}
@@ -48,11 +60,14 @@ _EXTENDED_NAME = re.compile(rb";\s*filename\*\s*=\s*([^;\s]*)", re.IGNORECASE)
 
 @dataclass(frozen=True)
 class Upload:
-    """One uploaded file. name: as declared; declared: the format it is declared as, or None."""
+    """One uploaded file. name: as declared; declared: the format it is declared as, or None.
+    pieces: the other files that it may refer to, by their names. error: why it cannot be read."""
 
     content: bytes
     name: str | None
     declared: str | None
+    pieces: Mapping[str, bytes] = field(default_factory=dict)
+    error: MeshError | None = None
 
 
 class BodyReader:
@@ -124,13 +139,20 @@ class BodyReader:
 async def read_upload(request: Request, settings: Settings) -> Upload:
     """The mesh of a request: the form field `file`, or a raw body with a media type.
 
+    A form may bring other files than meshes with it: buffers of a .gltf, or what is ignored, such
+    as pictures.
+
     Raises RequestError: 400 for a form without that field, 413 for several files, 415 for another
     media type or a form that is not UTF-8.
     """
     media_type = _media_type(request)
     if media_type == MULTIPART:
-        [upload] = await _read_form(request, settings, 1)
-        return upload
+        uploads = await _read_form(request, settings, 1)
+        meshes = [upload for upload in uploads if has_mesh_name(upload.name or "")] or uploads
+        if len(meshes) > 1:
+            raise too_many_meshes(1)
+        others = [upload for upload in uploads if upload is not meshes[0]]
+        return replace(meshes[0], pieces={_base(other): other.content for other in others})
     extensions = [name for name, known in FORMATS.items() if media_type in known.media_types]
     if not extensions and media_type not in OPAQUE_TYPES:
         accepted = ", ".join(known.media_types[0] for known in FORMATS.values())
@@ -144,11 +166,79 @@ async def read_upload(request: Request, settings: Settings) -> Upload:
 
 
 async def read_uploads(request: Request, settings: Settings) -> list[Upload]:
-    """The meshes of a form: every field `file`, in order. Raises as `read_upload`."""
+    """The meshes of a form: every field `file`, in order. Raises as `read_upload`.
+
+    Buffers of a .gltf are given to it, and each mesh in a ZIP archive is one of its own.
+    """
     if _media_type(request) != MULTIPART:
         detail = "several meshes come as a form with one field 'file' for each"
         raise RequestError(415, "unknown-media-type", detail)
-    return await _read_form(request, settings, settings.max_request_meshes)
+    most, room = settings.max_request_meshes, settings.max_upload_bytes
+    uploads = await _read_form(request, settings, most)
+    uploads = await asyncio.to_thread(_expanded, uploads, most, room)
+    admitted(request).reserve(sum(len(upload.content) for upload in uploads))
+    return uploads
+
+
+def _expanded(uploads: Sequence[Upload], most: int, room: int) -> list[Upload]:
+    """The meshes among uploads: with their pieces, and out of ZIP archives.
+
+    most: meshes; room: bytes that archives may unpack to together. Raises RequestError.
+    """
+    by_name = {_base(upload): upload.content for upload in uploads}
+
+    def piece(path: str) -> bytes | None:
+        return by_name.get(PurePath(path).name)
+
+    find = partial(find_pieces, read=piece, limits=LIMITS)
+    uploads = [_with_pieces(upload, find) for upload in uploads]
+    taken = {PurePath(path).name for upload in uploads for path in upload.pieces}
+    meshes: list[Upload] = []
+    for upload in uploads:
+        if has_mesh_name(upload.name or "") or _base(upload) not in taken:
+            found = _unpacked(upload, most - len(meshes), room)
+            room -= sum(len(mesh.content) for mesh in found if mesh is not upload)
+            meshes += found
+    if len(meshes) > most:
+        raise too_many_meshes(most)
+    return meshes
+
+
+def _unpacked(upload: Upload, most: int, room: int) -> list[Upload]:
+    """The meshes in an upload that is a ZIP archive; others, and those that are damaged, as they
+    are. Raises RequestError."""
+    if not is_zip(upload.content):
+        return [upload]
+    try:
+        archive = MeshArchive(upload.content, LIMITS)
+    except MeshError:
+        return [upload]
+    if len(archive.names) > most:
+        raise too_many_meshes(most)
+    if sum(map(archive.size, archive.names)) > room:
+        detail = f"the archives unpack to more than {room} bytes of meshes; split them up"
+        raise RequestError(413, "body-too-large", detail, room)
+    found: list[Upload] = []
+    for name in archive.names:
+        path, declared = f"{upload.name or ''}/{name}", PurePath(name).suffix
+        try:
+            mesh = Upload(archive.read(name), path, declared)
+            found.append(_with_pieces(mesh, partial(archive.pieces, name)))
+        except MeshError as error:
+            found.append(Upload(b"", path, declared, error=error))
+    return found or [upload]
+
+
+def _with_pieces(upload: Upload, find: Callable[[bytes], dict[str, bytes]]) -> Upload:
+    try:
+        return replace(upload, pieces=find(upload.content))
+    except MeshError as error:
+        return replace(upload, error=error)
+
+
+def _base(upload: Upload) -> str:
+    """The name of an uploaded file, without folders."""
+    return PurePath(upload.name or "").name
 
 
 def too_many_meshes(limit: int) -> RequestError:
@@ -165,7 +255,7 @@ def _media_type(request: Request) -> str:
 
 
 async def _read_form(request: Request, settings: Settings, most: int) -> list[Upload]:
-    """The files in the fields `file` of a form, at least one and at most `most`."""
+    """The files in the fields `file` of a form, of which `most` may be meshes; at least one."""
     _, options = parse_options_header(request.headers["content-type"])
     _check_charset(options.get(b"charset", b"utf-8"))
     boundary = options.get(b"boundary", b"")
@@ -193,6 +283,7 @@ class _Form:
     """The files of a form, as its parser reports them. parser: raises RequestError, too."""
 
     def __init__(self, boundary: bytes, most: int) -> None:
+        """most: meshes, beside their pieces."""
         self.files: list[tuple[str, io.BytesIO]] = []
         self.complete = False
         self._most = most
@@ -240,7 +331,7 @@ class _Form:
             self.files.append((name, self._content))
         else:
             self._others += 1
-        if len(self.files) > self._most:
+        if len(self.files) > self._most + MAX_PIECES:
             raise too_many_meshes(self._most)
         if self._others > MAX_OTHER_PARTS:
             raise _bad_form(f"it has more than {MAX_OTHER_PARTS} other fields")

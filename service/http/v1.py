@@ -3,7 +3,7 @@
 import logging
 import re
 from collections.abc import AsyncIterator, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Annotated
 
 from fastapi import FastAPI, Query, Request, Response
@@ -58,7 +58,10 @@ def add_v1_routes(app: FastAPI, dispatcher: Dispatcher) -> None:
         openapi_extra=FILE_BODY,
     )
     async def classify(request: Request, model: ModelName = None, top: Top = None) -> Response:
-        """Classify one mesh: the form field `file`, or a raw body with a model media type."""
+        """Classify one mesh: the form field `file`, or a raw body with a model media type.
+
+        A .gltf comes with its buffers in further fields `file`, or in a ZIP archive.
+        """
         name = dispatcher.model(model).card.name
         upload = await read_upload(request, dispatcher.settings)
         prediction = await dispatcher.predict(request, _task(upload, name))
@@ -80,13 +83,14 @@ def add_v1_routes(app: FastAPI, dispatcher: Dispatcher) -> None:
     async def classify_batch(
         request: Request, model: ModelName = None, top: Top = None
     ) -> Response:
-        """Classify several meshes: the form fields `file`. Each is answered by a line as soon as it
-        and those before it are done; one that cannot be classified says why in its line."""
+        """Classify several meshes: the form fields `file`, and each mesh in ZIP archives. Each is
+        answered by a line as soon as it and those before it are done; one that cannot be classified
+        says why in its line. Buffers of a .gltf come in fields `file`, too."""
         name = dispatcher.model(model).card.name
         uploads = await read_uploads(request, dispatcher.settings)
-        jobs = await dispatcher.submit(request, [_task(upload, name) for upload in uploads])
-        names = [upload.name for upload in uploads]
-        return _Lines(_lines(names, dispatcher.results(request, jobs), top), media_type=JSON_LINES)
+        tasks = [_task(upload, name) for upload in uploads if upload.error is None]
+        results = dispatcher.results(request, await dispatcher.submit(request, tasks))
+        return _Lines(_lines(uploads, results, top), media_type=JSON_LINES)
 
     @app.post(
         "/v1/explain",
@@ -109,11 +113,15 @@ def add_v1_routes(app: FastAPI, dispatcher: Dispatcher) -> None:
         explained_class(card.config.classes, card.config.pooling, label)
         form = _acceptable_form(request)
         upload = await read_upload(request, dispatcher.settings)
-        options = ExplanationOptions(form, label)
-        task = Task(card.name, upload.content, upload.name, upload.declared, options)
+        task = replace(_task(upload, card.name), explanation=ExplanationOptions(form, label))
         prediction = await dispatcher.predict(request, task)
         headers = {"vary": "accept"}
         return Response(prediction.explanation, 200, headers, FORMS[form].media_type)
+
+    @app.get("/v1/formats", responses=problem_responses(401))
+    async def formats() -> dict:
+        """The file formats that are read."""
+        return {"formats": [known.to_dict() for known in FORMATS.values()]}
 
     @app.get("/v1/limits", responses=problem_responses(401))
     async def limits() -> dict:
@@ -155,7 +163,7 @@ def add_v1_routes(app: FastAPI, dispatcher: Dispatcher) -> None:
 
 
 def _task(upload: Upload, model: str) -> Task:
-    return Task(model, upload.content, upload.name, upload.declared)
+    return Task(model, upload.content, upload.name, upload.declared, pieces=upload.pieces)
 
 
 class _Lines(StreamingResponse):
@@ -169,19 +177,19 @@ class _Lines(StreamingResponse):
 
 
 async def _lines(
-    names: Sequence[str | None],
+    uploads: Sequence[Upload],
     results: AsyncIterator[Prediction | Exception],
     top: int | None,
 ) -> AsyncIterator[bytes]:
     """The records as JSON Lines, each with the name of its file."""
-    remaining = iter(names)
-    async for result in results:
+    for upload in uploads:
+        result = upload.error or await anext(results)
         if isinstance(result, Exception):
             if isinstance(result, TaskFailed):
                 log.error("one mesh of a batch failed: %s", result)
             error = request_error(result)
             result = Failure(error.fault, str(error))
-        yield to_json(record(next(remaining), result, top)) + b"\n"
+        yield to_json(record(upload.name, result, top)) + b"\n"
 
 
 def _acceptable_form(request: Request) -> str:
