@@ -1,6 +1,7 @@
 """From a path or bytes to a Mesh."""
 
 import os
+from collections import Counter
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
@@ -11,10 +12,11 @@ import numpy as np
 from meshconv3d.model.errors import MalformedFile, MeshError, UnusableMesh
 from meshconv3d.model.loading.folders import MeshArchive, find_pieces, read_beside
 from meshconv3d.model.loading.formats import ARCHIVE, detect_format
+from meshconv3d.model.loading.gltf.meshopt import decompress
 from meshconv3d.model.loading.limits import Limits
-from meshconv3d.model.loading.meshopt import decompress
 from meshconv3d.model.loading.stl import is_exact_binary
 from meshconv3d.model.loading.text import as_utf8, quoted
+from meshconv3d.model.loading.threemf.model import ModelPart
 from meshconv3d.model.mesh import Mesh
 
 _SHOWN = 5  # names of an archive's meshes in a message
@@ -105,6 +107,7 @@ def warm_up() -> None:
         decompress(np.frombuffer(empty, np.uint8), 0, 4, mode, "NONE")
     for text in _TEXTS:
         load_mesh(text)
+    ModelPart("", str, Counter(), Limits()).read([b"<model><vertices></vertices></model>"])
 
 
 def _decoded(data: bytes) -> bytes:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from meshconv3d.model.errors import MalformedFile
-from meshconv3d.model.loading.meshopt import decompress
+from meshconv3d.model.loading.gltf.meshopt import decompress
 
 # What meshoptimizer's encoder makes of the arrays below, as base 85. "floats 1" has deltas of bits,
 # "shorts 1" of two bytes.

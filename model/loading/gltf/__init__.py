@@ -11,8 +11,8 @@ from collections.abc import Mapping
 from contextlib import suppress
 
 from meshconv3d.model.errors import MalformedFile
-from meshconv3d.model.loading.gltf_arrays import Buffers, piece_name
-from meshconv3d.model.loading.gltf_document import (
+from meshconv3d.model.loading.gltf.arrays import Buffers, piece_name
+from meshconv3d.model.loading.gltf.document import (
     Document,
     children,
     cut_off,
@@ -21,7 +21,7 @@ from meshconv3d.model.loading.gltf_document import (
     unsupported,
     upgraded,
 )
-from meshconv3d.model.loading.gltf_scene import placed_surfaces
+from meshconv3d.model.loading.gltf.scene import placed_surfaces
 from meshconv3d.model.loading.limits import Limits
 from meshconv3d.model.loading.scene import flatten
 from meshconv3d.model.loading.text import quoted

@@ -14,14 +14,8 @@ from meshconv3d.model.loading.archive import Archive
 from meshconv3d.model.loading.limits import Limits
 from meshconv3d.model.loading.scene import Placed, flatten, within
 from meshconv3d.model.loading.text import quoted
-from meshconv3d.model.loading.threemf_model import (
-    Attributes,
-    Key,
-    ModelPart,
-    Object,
-    Reference,
-    read_xml,
-)
+from meshconv3d.model.loading.threemf.model import Key, ModelPart, Object, Reference
+from meshconv3d.model.loading.threemf.xml import Attributes, Parser
 from meshconv3d.model.loading.triangles import Triangles
 
 _ROOT_KIND = "http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"
@@ -78,7 +72,8 @@ def read_3mf(data: bytes, limits: Limits) -> Triangles:
         if name in package:
             # Older slicers wrote names into it that make it no XML.
             with suppress(MalformedFile):
-                read_xml(package.read(name), name, _Volumes(objects, root).element, limits)
+                volumes = _Volumes(objects, root)
+                Parser(name, volumes.element, limits).read(package.read(name))
     return flatten(_instances(objects, build, limits), limits)
 
 
@@ -119,7 +114,7 @@ def _root_part(package: Package, limits: Limits) -> str:
             targets.append(package.find(attributes["Target"]))
 
     if _RELATIONS in package:
-        read_xml(package.read(_RELATIONS), _RELATIONS, element, limits)
+        Parser(_RELATIONS, element, limits).read(package.read(_RELATIONS))
     if targets:
         return targets[0]
     if _USUAL_ROOT in package:

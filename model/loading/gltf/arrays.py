@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshconv3d.model.errors import MalformedFile
-from meshconv3d.model.loading.draco import DracoMesh
-from meshconv3d.model.loading.gltf_document import (
+from meshconv3d.model.loading.gltf.document import (
     Document,
     children,
     cut_off,
@@ -22,8 +21,9 @@ from meshconv3d.model.loading.gltf_document import (
     natural,
     reals,
 )
+from meshconv3d.model.loading.gltf.draco import DracoMesh
+from meshconv3d.model.loading.gltf.meshopt import decompress
 from meshconv3d.model.loading.limits import Limits
-from meshconv3d.model.loading.meshopt import decompress
 from meshconv3d.model.loading.text import quoted
 
 _DTYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}

@@ -1,10 +1,9 @@
-"""The XML of a 3MF package: read as it comes, without a tree, a document type or entities."""
+"""One model part of a 3MF package: its objects and what it builds."""
 
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
-from xml.parsers import expat
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,90 +12,24 @@ from meshconv3d.model.errors import MalformedFile
 from meshconv3d.model.loading.limits import Limits
 from meshconv3d.model.loading.scene import Matrix
 from meshconv3d.model.loading.text import quoted
+from meshconv3d.model.loading.threemf.xml import SEPARATOR, Attributes, Parser, scan_elements
 from meshconv3d.model.loading.triangles import Triangles
 
-Attributes = dict[str, str]
-
-_SEPARATOR = "}"  # between the namespace and the name of an element or attribute
-_ENCODINGS = frozenset({"utf-8", "utf-16", "us-ascii", "iso-8859-1"})
-_DEEPEST = 1000
-_DISTINCT_NAMES = 10_000
-_NAMESPACE_LENGTH = 250  # characters, which each name in the namespace repeats
-_ORDINARY_ATTRIBUTES = 8  # of a vertex or triangle
-_OUT_OF_MEMORY = expat.errors.codes[expat.errors.XML_ERROR_NO_MEMORY]
-
-_PATH = f"http://schemas.microsoft.com/3dmanufacturing/production/2015/06{_SEPARATOR}path"
+_PATH = f"http://schemas.microsoft.com/3dmanufacturing/production/2015/06{SEPARATOR}path"
 # Namespaces of extensions that leave the triangles as they are, or that are read.
 _HARMLESS = re.compile("/(core|production|material|slice|beamlattice|trianglesets)/")
 _SUPPORTS = ("support", "solidsupport")  # types of object that are not part of the shape
 _BATCH = 30_000  # words that are turned into numbers at once
 
+# A tag that begins a list, and what an element of one takes at least.
+_LIST = re.compile(rb"<([\w.-]+:)?(?:vertices|triangles)\s*>")
+_SHORTEST = len('<vertex x="0" y="0" z="0"/>')
+# Of a part: blocks of text, lists, and elements in these of another form than the usual. After so
+# many the parser, which takes a fraction of such a step for each, reads alone.
+_MOST_STEPS = 50_000
+_NO_QUOTES = bytes.maketrans(b"\"'", b"  ")
+
 Key = tuple[str, str]  # the part that an object is in, and its id there
-
-
-def read_xml(
-    blocks: Iterable[bytes],
-    name: str,
-    on_element: Callable[[str, Attributes], object],
-    limits: Limits,
-    on_namespace: Callable[[str | None, str], object] = lambda *_: None,
-) -> None:
-    """Calls `on_element` for the start of every element, in the order of the text.
-
-    name: of the text, for messages.
-    on_element: returns True for a vertex or a triangle, which other limits count; what is left
-        counts as `values`.
-    on_namespace: called for each prefix that is bound to a namespace, before its element.
-
-    Raises MalformedFile and LimitExceeded.
-    """
-    depth = values = 0
-
-    def start(element: str, attributes: Attributes) -> None:
-        nonlocal depth, values
-        depth += 1
-        if depth > _DEEPEST:  # expat remembers every element that is open
-            raise _malformed(name, f"elements are nested more than {_DEEPEST} deep")
-        count = len(attributes)
-        if not on_element(element, attributes) or count > _ORDINARY_ATTRIBUTES:
-            values += 1 + count
-            limits.check("values", values)
-
-    def end(_: str) -> None:
-        nonlocal depth
-        depth -= 1
-
-    def namespace(prefix: str | None, uri: str | None) -> None:
-        nonlocal values
-        values += 1
-        limits.check("values", values)
-        if uri is not None and len(uri) > _NAMESPACE_LENGTH:
-            raise _malformed(name, f"a namespace has more than {_NAMESPACE_LENGTH} characters")
-        on_namespace(prefix, uri or "")
-
-    names: dict[str, str] = {}  # expat remembers every name that it has met
-    parser = expat.ParserCreate(namespace_separator=_SEPARATOR, intern=names)
-    parser.StartElementHandler = start
-    parser.EndElementHandler = end
-    parser.StartNamespaceDeclHandler = namespace
-    parser.XmlDeclHandler = _check_declaration
-    parser.StartDoctypeDeclHandler = _refuse_document_type
-    given = 0
-    try:
-        for block in blocks:
-            parser.Parse(block, False)
-            tag = given - parser.CurrentByteIndex  # what no block has ended yet
-            given += len(block)
-            limits.check("tag_bytes", tag, f"the XML of {quoted(name)} has a tag of {tag} bytes")
-            if len(names) > _DISTINCT_NAMES:
-                raise _malformed(name, f"it has more than {_DISTINCT_NAMES} different names")
-        parser.Parse(b"", True)
-    except expat.ExpatError as error:
-        if error.code == _OUT_OF_MEMORY:
-            raise MemoryError from error
-        raise _malformed(name, str(error)) from error
-    except KeyError as error:
-        raise _malformed(name, f"an element has no attribute {quoted(error.args[0])}") from error
 
 
 @dataclass(frozen=True)
@@ -130,6 +63,13 @@ class Numbers:
     def _convert(self) -> None:
         self._arrays.append(to_numbers(self._waiting, self._dtype))
         self._waiting = []
+
+    def extend(self, rows: NDArray) -> None:
+        """Add rows, N x 3."""
+        if len(rows):
+            self._convert()
+            self._arrays.append(rows.astype(self._dtype).reshape(-1))
+            self.count += len(rows)
 
 
 @dataclass
@@ -184,13 +124,75 @@ class ModelPart:
         self._namespaces: dict[str | None, str] = {}
         self._handlers: dict[str, Callable[[Attributes], object]] = {}
         self._object = Object()
+        self._lists: dict[str, str] = {}
+        self._list = ""  # the latest element, if it is one of _LISTS
+        self._reading: _List | None = None
+        self._tag = b""  # what the elements of that begin with
+        self._steps = 0
 
     def read(self, blocks: Iterable[bytes]) -> "ModelPart":
         """Raises MalformedFile and LimitExceeded."""
-        read_xml(blocks, self.name, self._element, self._limits, self._namespaces.__setitem__)
+        parser = Parser(self.name, self._element, self._limits, self._namespaces.__setitem__)
+        text = b""
+        for block in blocks:
+            text = self._read_on(parser, text + block)
+            parser.check_tag(len(text))
+        parser.feed(text)
+        parser.feed(b"", last=True)
         return self
 
+    def _read_on(self, parser: Parser, text: bytes) -> bytes:
+        """Read text up to a tag that has not ended, which is returned.
+
+        The bulk of a model is lists of vertices or triangles. Once the parser has found that a tag
+        begins one, a kernel reads the elements in there as long as they have the usual form, and
+        the parser what is left.
+        """
+        codes = np.frombuffer(text + b"\n", np.uint8)
+        plain = np.frombuffer(text.translate(_NO_QUOTES) + b"\n", np.uint8)
+        place = 0
+        while self._steps < _MOST_STEPS:
+            self._steps += 1
+            if self._reading is not None:
+                place = self._read_list(self._reading, codes, plain, place)
+                end = text.find(b">", place) + 1
+                if not end:
+                    return text[place:]
+                if not text.startswith(self._tag, place):
+                    self._reading = None  # the list ends, or nobody knows where this does
+                parser.feed(text[place:end])
+                place = end
+                continue
+            found = _LIST.search(text, place)
+            if found is None:
+                break
+            began = parser.feed(text[place : found.end()])
+            # Which is no list in a comment, or of another namespace.
+            if self._list and parser.started == began + found.start() - place:
+                self._reading = _LISTS[self._list]
+                self._tag = b"<" + (found[1] or b"") + self._reading.element
+            place = found.end()
+        cut = text.rfind(b"<", place)
+        end = cut if cut > text.rfind(b">", place) else len(text)
+        parser.feed(text[place:end])
+        return text[end:]
+
+    def _read_list(
+        self, listed: "_List", codes: NDArray[np.uint8], plain: NDArray[np.uint8], place: int
+    ) -> int:
+        """Read the elements of a list from `place` on. Returns where the first other thing is.
+
+        codes: of the text; plain: the same without quotes.
+        """
+        rows = np.empty(((len(codes) - place) // _SHORTEST + 1, 3))
+        tag = np.frombuffer(self._tag, np.uint8)
+        count, place = scan_elements(codes, plain, place, tag, listed.names, listed.whole, rows)
+        self._count(listed.limit, count)
+        listed.numbers(self._object).extend(rows[:count])
+        return place
+
     def _element(self, name: str, attributes: Attributes) -> object:
+        self._list = self._lists.get(name, "")
         if not self._handlers:
             return self._model(name, attributes)
         handler = self._handlers.get(name)
@@ -198,7 +200,7 @@ class ModelPart:
 
     def _model(self, name: str, attributes: Attributes) -> None:
         """The root. Elements of other namespaces than its own are passed over."""
-        namespace, separator, kind = name.rpartition(_SEPARATOR)
+        namespace, separator, kind = name.rpartition(SEPARATOR)
         if kind != "model":
             raise MalformedFile("bad-header", f"{quoted(self.name)} is no 3D model")
         self.unit = attributes.get("unit", self.unit)
@@ -212,6 +214,7 @@ class ModelPart:
             "item": self._item,
         }
         self._handlers = {namespace + separator + kind: call for kind, call in handlers.items()}
+        self._lists = {namespace + separator + kind: kind for kind in _LISTS}
 
     def _check_extension(self, namespace: str) -> None:
         if not _HARMLESS.search(namespace):
@@ -255,9 +258,34 @@ class ModelPart:
             matrix[:3] = to_numbers(words, np.float64).reshape(4, 3).T  # stored by columns
         return Reference((part, attributes["objectid"]), matrix)
 
-    def _count(self, what: str) -> None:
-        self._counted[what] += 1
+    def _count(self, what: str, count: int = 1) -> None:
+        self._counted[what] += count
         self._limits.check(what, self._counted[what])
+
+
+@dataclass(frozen=True)
+class _List:
+    """A list in a mesh. element: the name of its elements, names: of their attributes, padded to
+    two characters; whole: whether these are whole numbers; limit: what counts the elements;
+    numbers: where they belong."""
+
+    element: bytes
+    names: NDArray[np.uint8]
+    whole: bool
+    limit: str
+    numbers: Callable[[Object], Numbers]
+
+
+def _names(*names: bytes) -> NDArray[np.uint8]:
+    return np.frombuffer(b"".join(name.ljust(2, b"=") for name in names), np.uint8).reshape(3, 2)
+
+
+_LISTS = {
+    "vertices": _List(b"vertex", _names(b"x", b"y", b"z"), False, "vertices", lambda o: o.vertices),
+    "triangles": _List(
+        b"triangle", _names(b"v1", b"v2", b"v3"), True, "faces", lambda o: o.triangles
+    ),
+}
 
 
 def to_numbers(words: list[str], dtype: type) -> NDArray:
@@ -278,19 +306,3 @@ def _is_number(word: str, dtype: type) -> bool:
     except (ValueError, OverflowError):
         return False
     return "_" not in word
-
-
-def _check_declaration(_version: str, encoding: str | None, _standalone: int) -> None:
-    # Others would be looked up in Python's own files.
-    if encoding is not None and encoding.lower() not in _ENCODINGS:
-        raise MalformedFile(
-            "unsupported-feature", f"XML in the encoding {quoted(encoding)} is not read, use UTF-8"
-        )
-
-
-def _refuse_document_type(*_: object) -> None:
-    raise MalformedFile("bad-header", "a part of the package has a DTD, which 3MF forbids")
-
-
-def _malformed(name: str, why: str) -> MalformedFile:
-    return MalformedFile("bad-document", f"the XML of {quoted(name)} makes no sense: {why}")
