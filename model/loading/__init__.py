@@ -10,7 +10,6 @@ limits. All formats are read with NumPy: to find out whether a general library w
 file rightly, and within bounds, one has to read it first.
 """
 
-from meshconv3d.model.loading.archive import is_zip
 from meshconv3d.model.loading.folders import (
     MeshArchive,
     extension,
@@ -23,12 +22,13 @@ from meshconv3d.model.loading.folders import (
     walk_files,
     walk_meshes,
 )
-from meshconv3d.model.loading.formats import FORMATS, Format, detect_format
+from meshconv3d.model.loading.formats import FORMATS, TABLE, Format, detect_format, is_archive
 from meshconv3d.model.loading.limits import Limits
 from meshconv3d.model.loading.load import load_mesh, warm_up
 
 __all__ = [
     "FORMATS",
+    "TABLE",
     "Format",
     "Limits",
     "MeshArchive",
@@ -38,8 +38,8 @@ __all__ = [
     "find_pieces",
     "has_mesh_name",
     "has_other_format",
+    "is_archive",
     "is_hidden",
-    "is_zip",
     "load_mesh",
     "read_beside",
     "walk_files",

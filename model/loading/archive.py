@@ -91,13 +91,17 @@ def is_zip(data: bytes) -> bool:
     return data.startswith((b"PK\x03\x04", b"PK\x05\x06"))
 
 
-def is_3mf(data: bytes) -> bool:
-    """Whether a ZIP archive is a 3MF package: it has a 3D model part."""
+def packed_format(data: bytes) -> str:
+    """The extension of the format that a ZIP archive is in: 3mf, amf, usdz, or zip."""
     try:
-        names = Archive(data, Limits()).names
+        names = [name.lower() for name in Archive(data, Limits()).names]
     except MeshError:
-        return False
-    return any(name.lower().endswith(".model") for name in names)
+        return "zip"
+    if any(name.endswith(".model") for name in names):
+        return "3mf"
+    if names and names[0].endswith((".usd", ".usda", ".usdc")):
+        return "usdz"
+    return "amf" if len(names) == 1 and names[0].endswith(".amf") else "zip"
 
 
 class _BoundedReads:

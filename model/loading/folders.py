@@ -7,7 +7,7 @@ from pathlib import Path, PurePosixPath
 from typing import BinaryIO
 
 from meshconv3d.model.loading.archive import Archive
-from meshconv3d.model.loading.formats import ARCHIVE, FORMATS
+from meshconv3d.model.loading.formats import ARCHIVE, FORMATS, named_format
 from meshconv3d.model.loading.gltf import piece_names
 from meshconv3d.model.loading.limits import Limits
 
@@ -16,7 +16,7 @@ log = logging.getLogger(__name__)
 # Extensions of 3D formats that are not read. Files of these are counted and named where a folder is
 # listed; other files beside meshes, such as .mtl, pictures and text, are not.
 _OTHER_FORMATS = """
-3dm 3ds 3dxml abc amf blend brep c4d catpart catproduct ctm dae drc dwg dxf e57 f3d fbx fcstd iam
+3dm 3ds 3dxml abc blend brep c4d catpart catproduct ctm dae drc dwg dxf e57 f3d fbx fcstd iam
 ifc iges igs ipt iv jt las laz lwo lxo ma max mb mesh msh pcd prt pts sab sat skp sldasm sldprt step
 stp u3d usd usda usdc usdz vrm vrml vtk vtp vtu wrl wrz x x3d x3dv x_b x_t xyz zpr ztl
 """
@@ -73,12 +73,13 @@ def is_hidden(name: str) -> bool:
 
 def has_mesh_name(name: str) -> bool:
     """Whether the extension of a file's name is one that is read."""
-    return extension(name) in FORMATS
+    known = named_format(extension(name))
+    return known is not None and known.extension in FORMATS
 
 
 def has_other_format(name: str) -> bool:
     """Whether the extension of a file's name is that of a 3D format that is not read."""
-    return extension(name) in OTHER_FORMATS
+    return extension(name) in OTHER_FORMATS and not has_mesh_name(name)
 
 
 def extension(name: str) -> str:

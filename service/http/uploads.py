@@ -18,14 +18,14 @@ from fastapi import Request
 from python_multipart.exceptions import FormParserError
 from python_multipart.multipart import MultipartParser, parse_options_header
 
-from meshconv3d.model.errors import MeshError
+from meshconv3d.model.errors import MalformedFile, MeshError
 from meshconv3d.model.loading import (
     FORMATS,
     Limits,
     MeshArchive,
     find_pieces,
     has_mesh_name,
-    is_zip,
+    is_archive,
 )
 from meshconv3d.service.http.admission import admitted, declared_length
 from meshconv3d.service.http.context import context_of
@@ -68,6 +68,11 @@ class Upload:
     declared: str | None
     pieces: Mapping[str, bytes] = field(default_factory=dict)
     error: MeshError | None = None
+
+    @property
+    def size(self) -> int:
+        """Bytes of the file and of its pieces."""
+        return len(self.content) + sum(map(len, self.pieces.values()))
 
 
 class BodyReader:
@@ -151,8 +156,12 @@ async def read_upload(request: Request, settings: Settings) -> Upload:
         meshes = [upload for upload in uploads if has_mesh_name(upload.name or "")] or uploads
         if len(meshes) > 1:
             raise too_many_meshes(1)
-        others = [upload for upload in uploads if upload is not meshes[0]]
-        return replace(meshes[0], pieces={_base(other): other.content for other in others})
+        if len(uploads) == 1:
+            return uploads[0]
+        upload = await asyncio.to_thread(_with_pieces, meshes[0], _Beside(uploads).of(meshes[0]))
+        if upload.error is not None:
+            raise upload.error
+        return upload
     extensions = [name for name, known in FORMATS.items() if media_type in known.media_types]
     if not extensions and media_type not in OPAQUE_TYPES:
         accepted = ", ".join(known.media_types[0] for known in FORMATS.values())
@@ -176,7 +185,7 @@ async def read_uploads(request: Request, settings: Settings) -> list[Upload]:
     most, room = settings.max_request_meshes, settings.max_upload_bytes
     uploads = await _read_form(request, settings, most)
     uploads = await asyncio.to_thread(_expanded, uploads, most, room)
-    admitted(request).reserve(sum(len(upload.content) for upload in uploads))
+    admitted(request).reserve(sum(upload.size for upload in uploads))
     return uploads
 
 
@@ -185,19 +194,13 @@ def _expanded(uploads: Sequence[Upload], most: int, room: int) -> list[Upload]:
 
     most: meshes; room: bytes that archives may unpack to together. Raises RequestError.
     """
-    by_name = {_base(upload): upload.content for upload in uploads}
-
-    def piece(path: str) -> bytes | None:
-        return by_name.get(PurePath(path).name)
-
-    find = partial(find_pieces, read=piece, limits=LIMITS)
-    uploads = [_with_pieces(upload, find) for upload in uploads]
-    taken = {PurePath(path).name for upload in uploads for path in upload.pieces}
+    beside = _Beside(uploads)
+    complete = [_with_pieces(upload, beside.of(upload)) for upload in uploads]
     meshes: list[Upload] = []
-    for upload in uploads:
-        if has_mesh_name(upload.name or "") or _base(upload) not in taken:
+    for number, upload in enumerate(complete):
+        if has_mesh_name(upload.name or "") or number not in beside.taken:
             found = _unpacked(upload, most - len(meshes), room)
-            room -= sum(len(mesh.content) for mesh in found if mesh is not upload)
+            room -= sum(mesh.size for mesh in found if mesh is not upload)
             meshes += found
     if len(meshes) > most:
         raise too_many_meshes(most)
@@ -207,25 +210,27 @@ def _expanded(uploads: Sequence[Upload], most: int, room: int) -> list[Upload]:
 def _unpacked(upload: Upload, most: int, room: int) -> list[Upload]:
     """The meshes in an upload that is a ZIP archive; others, and those that are damaged, as they
     are. Raises RequestError."""
-    if not is_zip(upload.content):
+    if not is_archive(upload.content, upload.declared):
         return [upload]
+    bounds = replace(LIMITS, unpacked_bytes=room, piece_bytes=room)
     try:
-        archive = MeshArchive(upload.content, LIMITS)
+        archive = MeshArchive(upload.content, bounds)
     except MeshError:
         return [upload]
     if len(archive.names) > most:
         raise too_many_meshes(most)
-    if sum(map(archive.size, archive.names)) > room:
-        detail = f"the archives unpack to more than {room} bytes of meshes; split them up"
-        raise RequestError(413, "body-too-large", detail, room)
     found: list[Upload] = []
+    declared = sum(map(archive.size, archive.names))
     for name in archive.names:
-        path, declared = f"{upload.name or ''}/{name}", PurePath(name).suffix
+        mesh = Upload(b"", f"{upload.name or ''}/{name}", PurePath(name).suffix)
         try:
-            mesh = Upload(archive.read(name), path, declared)
+            mesh = replace(mesh, content=archive.read(name))
             found.append(_with_pieces(mesh, partial(archive.pieces, name)))
         except MeshError as error:
-            found.append(Upload(b"", path, declared, error=error))
+            found.append(replace(mesh, error=error))
+        if max(declared, sum(mesh.size for mesh in found)) > room:
+            detail = f"the archives unpack to more than {room} bytes of meshes; split them up"
+            raise RequestError(413, "body-too-large", detail, room)
     return found or [upload]
 
 
@@ -236,9 +241,37 @@ def _with_pieces(upload: Upload, find: Callable[[bytes], dict[str, bytes]]) -> U
         return replace(upload, error=error)
 
 
-def _base(upload: Upload) -> str:
-    """The name of an uploaded file, without folders."""
-    return PurePath(upload.name or "").name
+class _Beside:
+    """The files of a form, as the pieces of its meshes. taken: places of those that are pieces."""
+
+    def __init__(self, uploads: Sequence[Upload]) -> None:
+        self.taken: set[int] = set()
+        self._uploads = uploads
+        self._places: dict[PurePath, list[int]] = {}
+        for place, upload in enumerate(uploads):
+            path = PurePath(upload.name or "")
+            for name in {path, PurePath(path.name)}:
+                self._places.setdefault(name, []).append(place)
+
+    def of(self, mesh: Upload) -> Callable[[bytes], dict[str, bytes]]:
+        """Finds the pieces of a mesh, given its content."""
+        read = partial(self._read, PurePath(mesh.name or "").parent)
+        return partial(find_pieces, read=read, limits=LIMITS)
+
+    def _read(self, folder: PurePath, piece: str) -> bytes | None:
+        """The file at a path relative to a mesh, or else one of its name in any folder, since
+        forms may name none. Raises MalformedFile where several have that name."""
+        name = PurePath(piece).name
+        places = self._places.get(folder / piece) or self._places.get(PurePath(name), [])
+        contents = {self._uploads[place].content for place in places}
+        if len(contents) > 1:
+            raise MalformedFile(
+                "external-reference",
+                f"the form has several files named {name!r}; send each mesh with its files in a "
+                "form or a ZIP archive of its own",
+            )
+        self.taken |= set(places)
+        return next(iter(contents), None)
 
 
 def too_many_meshes(limit: int) -> RequestError:

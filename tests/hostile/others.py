@@ -23,13 +23,15 @@ _COLLADA = b'<?xml version="1.0"?><COLLADA version="1.4.1"><library_nodes/></COL
 _PICTURE = b"\x89PNG\r\n\x1a\n" + b"\xab" * 200
 
 FILES.add("no bytes", b"", "empty-file")
-for _name in ("box.dae", "box.dxf", "box.xaml", "box.tar.gz", "box.step", "box", "obj."):
+for _name in ("box.dxf", "box.xaml", "box.tar.gz", "box", "obj."):
     FILES.add(f"the name {_name}", build.obj(), "unknown-format", _name)
+for _name in ("box.dae", "box.step", "box.fbx", "box.usdz", "box.amf"):
+    FILES.add(f"OBJ called {_name}", build.obj(), "format-mismatch", _name)
 FILES.add("a name of 100 kB", build.obj(), "unknown-format", "box." + "x" * 100_000)
 FILES.add("a name with a zero byte", build.obj(), "unknown-format", "box.obj\0.png")
 FILES.add("a name of another folder", build.obj(), None, "../../../../etc/passwd.obj")
 FILES.add("a name at an address", build.obj(), None, "http://127.0.0.1:9/box.obj")
-FILES.add("COLLADA called OBJ", _COLLADA, "no-faces")
+FILES.add("COLLADA called OBJ", _COLLADA, "format-mismatch")
 FILES.add("COLLADA called 3MF", _COLLADA, "format-mismatch", "box.3mf")
 FILES.add("a box called a zip", build.obj(), "format-mismatch", "box.zip")
 FILES.add("a zip called STL", build.threemf(), "format-mismatch", "box.stl")

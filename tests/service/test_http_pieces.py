@@ -3,7 +3,7 @@
 import httpx
 import pytest
 
-from meshconv3d.model.loading import FORMATS
+from meshconv3d.model.loading import TABLE
 from tests.model.loading import loading_builders as build
 from tests.service.conftest import LIMIT
 from tests.service.test_http_batch import form, lines_of
@@ -37,6 +37,22 @@ def test_a_gltf_without_its_buffer_says_which_it_misses(client: httpx.Client) ->
         found = problem_of(client.post("/v1/classify", files=form(*files)), 400)
         assert found["fault"] == "external-reference"
         assert "buffers/my box.bin" in found["detail"]
+
+
+def test_files_of_one_name_are_told_apart_by_their_folders(client: httpx.Client) -> None:
+    gltf, data = build.gltf_in_pieces("box.bin")
+    files = [
+        ("a/box.gltf", gltf),
+        ("b/box.gltf", gltf),
+        ("b/box.bin", bytes(len(data))),
+        ("a/box.bin", data),
+    ]
+    first, second = lines_of(client.post("/v1/classify/batch", files=form(*files)))
+    assert faces(first) == 12
+    assert second["error"]["fault"] == "zero-extent"
+    bare = [(name.partition("/")[2], content) for name, content in files]
+    lines = lines_of(client.post("/v1/classify/batch", files=form(*bare)))
+    assert "several files named 'box.bin'" in lines[0]["error"]["message"]
 
 
 def test_two_meshes_are_no_mesh_with_a_piece(client: httpx.Client) -> None:
@@ -94,4 +110,4 @@ def test_archives_are_bounded(client: httpx.Client) -> None:
 
 def test_the_formats_are_those_that_are_read(client: httpx.Client) -> None:
     told = client.get("/v1/formats").json()["formats"]
-    assert told == [known.to_dict() for known in FORMATS.values()]
+    assert told == [known.to_dict() for known in TABLE.values()]

@@ -111,16 +111,14 @@ class Buffers:
         if isinstance(uri, str) and uri.startswith("data:"):
             return _decoded(uri)
         name = piece_name(uri)
-        # In a form, files come without their folders.
-        content = self._pieces.get(name, self._pieces.get(name.rpartition("/")[2]))
-        if content is None:
+        if name not in self._pieces:
             raise MalformedFile(
                 "external-reference",
                 f"the geometry lies in another file, {quoted(name)}, which is not there: keep the "
                 "two side by side, send them in one form or ZIP archive, or export as .glb, which "
                 "holds everything in one file",
             )
-        return content
+        return self._pieces[name]
 
 
 @dataclass(frozen=True)

@@ -74,7 +74,7 @@ def read_3mf(data: bytes, limits: Limits) -> Triangles:
             with suppress(MalformedFile):
                 volumes = _Volumes(objects, root)
                 Parser(name, volumes.element, limits).read(package.read(name))
-    return flatten(_instances(objects, build, limits), limits)
+    return flatten(placed_objects(objects, build, limits), limits)
 
 
 def _collect(
@@ -157,7 +157,9 @@ class _Leave:
     key: Key
 
 
-def _instances(objects: dict[Key, Object], build: list[Reference], limits: Limits) -> list[Placed]:
+def placed_objects(
+    objects: dict[Key, Object], build: list[Reference], limits: Limits
+) -> list[Placed]:
     """Every mesh that the build places, with its matrix; components are resolved."""
     placed: list[Placed] = []
     inside: set[Key] = set()

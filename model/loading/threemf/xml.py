@@ -28,9 +28,10 @@ class Parser:
     """Calls `on_element` for the start of every element, in the order of the text.
 
     name: of the text, for messages.
-    on_element: each element and attribute counts as one of the limit `values`; where it returns
-        True, for a vertex or triangle, the element alone does.
+    on_element: each element and attribute counts as one of the limit `values`, unless it returns
+        True, for what another limit counts.
     on_namespace: called for each prefix that is bound to a namespace, before its element.
+    on_end: called for the end of each element, with the text after the latest start or end.
     """
 
     def __init__(
@@ -39,10 +40,13 @@ class Parser:
         on_element: Callable[[str, Attributes], object],
         limits: Limits,
         on_namespace: Callable[[str | None, str], object] = lambda *_: None,
+        on_end: Callable[[str, str], object] | None = None,
     ) -> None:
         self._name = name
         self._on_element = on_element
         self._on_namespace = on_namespace
+        self._on_end = on_end
+        self._text: list[str] = []
         self._limits = limits
         self._depth = self._values = self._given = 0
         self.started = -1  # where the latest element began, in bytes of what was given
@@ -51,6 +55,9 @@ class Parser:
         self._expat.StartElementHandler = self._start
         self._expat.EndElementHandler = self._end
         self._expat.StartNamespaceDeclHandler = self._namespace
+        if on_end is not None:
+            self._expat.buffer_text = True
+            self._expat.CharacterDataHandler = self._text.append
         self._expat.XmlDeclHandler = _check_declaration
         self._expat.StartDoctypeDeclHandler = _refuse_document_type
 
@@ -88,13 +95,17 @@ class Parser:
         if self._depth > _DEEPEST:  # expat remembers every element that is open
             raise self._malformed(f"elements are nested more than {_DEEPEST} deep")
         self.started = self._expat.CurrentByteIndex
+        self._text.clear()
         count = len(attributes)
-        counted = self._on_element(element, attributes) and count <= _ORDINARY_ATTRIBUTES
-        self._values += 1 if counted else 1 + count
-        self._limits.check("values", self._values)
+        if not self._on_element(element, attributes) or count > _ORDINARY_ATTRIBUTES:
+            self._values += 1 + count
+            self._limits.check("values", self._values)
 
-    def _end(self, _: str) -> None:
+    def _end(self, element: str) -> None:
         self._depth -= 1
+        if self._on_end is not None:
+            self._on_end(element, "".join(self._text))
+            self._text.clear()
 
     def _namespace(self, prefix: str | None, uri: str | None) -> None:
         self._values += 1

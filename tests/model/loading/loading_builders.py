@@ -225,6 +225,23 @@ def threemf(parts: Mapping[str, str | bytes] | None = None) -> bytes:
     return archive(parts or {"3D/3dmodel.model": model_xml(mesh_xml())})
 
 
+def amf(vertices: Any = VERTICES, faces: Any = FACES, more="", volume="") -> bytes:
+    """AMF: one object, then what else the document holds; `volume`: of its one volume."""
+
+    def tags(names, rows) -> str:
+        return "".join(f"<{name}>{value}</{name}>" for name, value in zip(names, rows, strict=True))
+
+    points = "".join(
+        f"<vertex><coordinates>{tags('xyz', row)}</coordinates></vertex>" for row in vertices
+    )
+    triangles = "".join(f"<triangle>{tags(('v1', 'v2', 'v3'), row)}</triangle>" for row in faces)
+    return (
+        '<?xml version="1.0" encoding="utf-8"?><amf unit="inch"><object id="1"><mesh>'
+        f"<vertices>{points}</vertices><volume>{volume}{triangles}</volume></mesh></object>{more}"
+        "</amf>"
+    ).encode()
+
+
 def archive(files: Mapping[str, str | bytes], method: int = zipfile.ZIP_DEFLATED) -> bytes:
     stream = BytesIO()
     with zipfile.ZipFile(stream, "w", method) as package:
@@ -251,5 +268,7 @@ SPELLINGS: dict[str, tuple[str, bytes]] = {
     "glb 1.0": ("glb", glb1()),
     "gltf 1.0": ("gltf", gltf1()),
     "3mf": ("3mf", threemf()),
+    "amf": ("amf", amf()),
+    "amf in a zip": ("amf", archive({"box.amf": amf()})),
     "zip": ("zip", archive({"read me.txt": "a box", "parts/box.stl": stl_binary()})),
 }

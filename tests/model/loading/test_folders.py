@@ -23,6 +23,6 @@ def test_hidden_files_and_folders_are_passed_over(tmp_path: Path) -> None:
     for name in ("a.obj", "._a.obj", ".a.obj", "__MACOSX/._b.obj", "__MACOSX/b.obj", ".git/c.obj"):
         (root / name).parent.mkdir(parents=True, exist_ok=True)
         (root / name).write_text("")
-    (root / "b.fbx").write_text("")
+    (root / "b.blend").write_text("")
     assert [path.name for path in walk_meshes(root)] == ["a.obj"]
-    assert [path.name for path in walk_files(root)] == ["a.obj", "b.fbx"]
+    assert [path.name for path in walk_files(root)] == ["a.obj", "b.blend"]

@@ -46,7 +46,9 @@ def test_a_path_declares_its_own_name(extension, data, tmp_path):
 @SPELLINGS
 def test_a_name_that_contradicts_the_content_is_refused(extension, data):
     # A 3MF is a ZIP archive, and a damaged one is not told from others.
-    same = {"3mf", "zip"} if extension in ("3mf", "zip") else {extension}
+    same = {extension}
+    if data.startswith(b"PK"):
+        same = {"3mf", "zip"} if extension == "zip" else {extension, "zip"}
     for other in FORMATS.keys() - same:
         with pytest.raises(UnknownFormat, match=extension) as caught:
             load_mesh(data, f"box.{other}")
@@ -97,7 +99,7 @@ def test_any_bytes_raise_nothing_but_mesh_errors(data, extension):
 
 
 def test_an_unknown_extension_lists_what_is_read():
-    for name in ("box.step", "step", "box.obj.gz", "box."):
+    for name in ("box.iges", "iges", "box.obj.gz", "box."):
         with pytest.raises(UnknownFormat, match="obj, off, stl, ply, glb, gltf, 3mf"):
             load_mesh(build.obj(), name)
 

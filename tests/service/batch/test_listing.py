@@ -21,8 +21,8 @@ NAMES = ["a.obj", "a/b.STL", "a/b/c.ply", "a/d.obj", "a-b.obj", "b/e.off", "z.gl
 
 OTHERS = [
     *("notes.txt", "a/no.json", "a/material.mtl", "picture.png"),  # beside meshes
-    *("a.fbx", "a/b.FBX", "b/c.step", "b/d.fbx", "STEP/e.stp"),  # of other formats
-    *("._a.obj", "a/._b.STL", "__MACOSX/._a.obj", "__MACOSX/a.obj", ".git/b.obj", ".c.fbx"),
+    *("a.blend", "a/b.BLEND", "b/c.iges", "b/d.blend", "STEP/e.igs"),  # of other formats
+    *("._a.obj", "a/._b.STL", "__MACOSX/._a.obj", "__MACOSX/a.obj", ".git/b.obj", ".c.blend"),
 ]
 
 
@@ -76,10 +76,10 @@ def test_files_of_other_formats_are_counted(anywhere: str) -> None:
     for _ in range(2):
         others: Counter[str] = Counter()
         assert len(list(Listing([anywhere]).files(others))) == len(NAMES)
-        assert told(others) == "5 files of other formats: .fbx 3, .step 1, .stp 1"
+        assert told(others) == "5 files of other formats: .blend 3, .iges 1, .igs 1"
     chosen: Counter[str] = Counter()
-    list(Listing([anywhere], Choice(exclude=["*.fbx", "*.FBX", "*.stp"])).files(chosen))
-    assert told(chosen) == "1 file of other formats: .step 1"
+    list(Listing([anywhere], Choice(exclude=["*.blend", "*.BLEND", "*.igs"])).files(chosen))
+    assert told(chosen) == "1 file of other formats: .iges 1"
     shards = Counter[str]()
     for number in (1, 2, 3):
         list(Listing([anywhere], Choice(shard=Shard(number, 3))).files(shards))
@@ -91,10 +91,12 @@ def test_hidden_files_are_found_where_they_are_named(folder: Path) -> None:
 
 
 def test_a_folder_of_other_formats_alone_says_so(folder: Path) -> None:
-    (folder / "STEP" / "f.fbx").touch()
-    with pytest.raises(NotListed, match=r"; there are 2 files of other formats: \.fbx 1, \.stp 1"):
+    (folder / "STEP" / "f.blend").touch()
+    with pytest.raises(
+        NotListed, match=r"; there are 2 files of other formats: \.blend 1, \.igs 1"
+    ):
         Listing([f"{folder}/STEP"])
-    (folder / "STEP" / "f.fbx").unlink()
+    (folder / "STEP" / "f.blend").unlink()
 
 
 @pytest.fixture(params=["local", "memory"])

@@ -152,7 +152,7 @@ def test_shards_are_the_whole(
 
 def test_patterns_and_files_of_other_formats(many: Path, model_file: Path, tmp_path: Path) -> None:
     output = tmp_path / "all.jsonl"
-    others = [many / name for name in ("a.fbx", "3/b.fbx", "c.step")]
+    others = [many / name for name in ("a.blend", "3/b.blend", "c.iges")]
     for other in others:
         other.touch()
     call = ("batch", many, "--model", model_file, "--include", "3/*", "--exclude", "*0.obj")
@@ -160,7 +160,7 @@ def test_patterns_and_files_of_other_formats(many: Path, model_file: Path, tmp_p
     for other in others:
         other.unlink()
     assert done.returncode == 0
-    assert done.stderr.splitlines()[1:] == ["1 file of other formats: .fbx 1"]
+    assert done.stderr.splitlines()[1:] == ["1 file of other formats: .blend 1"]
     files = [record["file"] for record in timeless(output)]
     assert files
     assert all("/3/" in file and not file.endswith("0.obj") for file in files)

@@ -84,11 +84,11 @@ def test_files_of_other_formats_are_named_at_the_end_and_hidden_ones_passed_over
         (tmp_path / name).write_bytes(ring)
     (tmp_path / "cad").mkdir()
     for number in range(12):
-        (tmp_path / "cad" / f"{number}.{'step' if number % 4 == 0 else 'FBX'}").touch()
+        (tmp_path / "cad" / f"{number}.{'iges' if number % 4 == 0 else 'BLEND'}").touch()
     done = meshconv3d("classify", tmp_path, "--model", model_file)
     assert done.returncode == 0
     assert [record["file"] for record in lines(done.stdout)] == [str(tmp_path / "ring.obj")]
-    assert done.stderr == "12 files of other formats: .fbx 9, .step 3\n"
+    assert done.stderr == "12 files of other formats: .blend 9, .iges 3\n"
 
 
 @pytest.mark.parametrize("options", [["--format", "obj"], ["--format", "OBJ"], []])
@@ -120,7 +120,7 @@ def test_standard_input_that_is_not_what_it_is_declared_as(meshes: Path) -> None
         (["{good}"], {"MESHCONV3D_MODELS": "nothing"}, "no model 'nothing'"),
         (["{good}", "--model", "{good}"], {}, "{good}: the file is damaged or is no ONNX model"),
         (["{good}", "--top", "0"], {}, "--top"),
-        (["{good}", "--format", "step"], {}, "unknown --format 'step'"),
+        (["{good}", "--format", "iges"], {}, "unknown --format 'iges'"),
         (["{good}"], {"MESHCONV3D_PORT": "eighty"}, "bad setting: port"),
     ],
 )
