@@ -47,6 +47,12 @@ export interface Sample {
   bytes: number;
 }
 
+export interface Format {
+  extension: string;
+  aliases: string[];
+  missing_extra: string | null;
+}
+
 export interface Limits {
   upload_bytes: number;
 }
@@ -86,6 +92,7 @@ const getJson = async <Value>(path: string) => (await (await get(path)).json()) 
 
 export const models = async () => (await getJson<{ models: Model[] }>("v1/models")).models;
 export const samples = async () => (await getJson<{ samples: Sample[] }>("v1/samples")).samples;
+export const formats = async () => (await getJson<{ formats: Format[] }>("v1/formats")).formats;
 export const limits = () => getJson<Limits>("v1/limits");
 
 export async function sampleFile(sample: Sample): Promise<File> {

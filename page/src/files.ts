@@ -1,6 +1,6 @@
 // The files of a drop or a choice: which are meshes, and which are pieces of one (glTF buffers).
 
-import { EXTENSIONS, extensionOf } from "./parsing/formats";
+import { extensionOf } from "./parsing/formats";
 
 /** A file with its path below what was dropped, with slashes. */
 export interface Found {
@@ -17,7 +17,6 @@ export interface Parts {
 // Of one dropped folder; more is for the command line.
 const MOST_FILES = 2000;
 
-const isMesh = ({ file }: Found) => (EXTENSIONS as readonly string[]).includes(extensionOf(file.name));
 const folderOf = (path: string) => path.slice(0, path.lastIndexOf("/") + 1);
 
 /** Files that were chosen in a dialog. */
@@ -55,10 +54,10 @@ async function walk(entry: FileSystemEntry, found: Found[]): Promise<void> {
   }
 }
 
-/** Mesh files with their pieces. Other files are left out, unless nothing else is there: the
- * service says what is wrong with them. */
-export async function gathered(found: Found[]): Promise<Parts[]> {
-  const meshes = found.filter(isMesh);
+/** Mesh files, of the extensions that the service reads, with their pieces. Other files are left
+ * out, unless nothing else is there: the service says what is wrong with them. */
+export async function gathered(found: Found[], extensions: string[]): Promise<Parts[]> {
+  const meshes = found.filter(({ file }) => extensions.includes(extensionOf(file.name)));
   const parts = (meshes.length ? meshes : found).map(async (one) => ({
     file: one.file,
     pieces: extensionOf(one.file.name) === "gltf" ? await piecesOf(one, found) : [],

@@ -6,7 +6,7 @@ import { chosen, dropped, gathered, type Found } from "./files";
 import { KeyForm } from "./key";
 import { panel } from "./panel/result";
 import { readForView } from "./parsing";
-import { EXTENSIONS, isZUp } from "./parsing/formats";
+import { isZUp } from "./parsing/formats";
 import { entryCard, picture, sampleCard } from "./shelf";
 import { Stage } from "./stage";
 import { thumbnail } from "./thumbnails";
@@ -25,7 +25,9 @@ const say = (words: string) => {
 const visit = new Visit(render, say);
 const stage = new Stage(() => visit.current && visit.turnUpright(visit.current));
 const keyForm = new KeyForm(() => (visit.models.length ? askAgain() : begin()));
-const add = async (found: Found[]) => visit.add(await gathered(found), modelPicker.value);
+let extensions: string[] = []; // of files that the service reads
+const add = async (found: Found[]) =>
+  visit.add(await gathered(found, extensions), modelPicker.value);
 
 function render(): void {
   const refused = visit.entries.find((one) => one.error?.wantsKey)?.error;
@@ -68,7 +70,6 @@ async function save(form: Form): Promise<void> {
 
 function listen(): void {
   for (const id of ["choose", "choose-empty"]) byId(id).onclick = () => fileInput.click();
-  fileInput.accept = [...EXTENSIONS, "bin"].map((extension) => `.${extension}`).join(",");
   fileInput.onchange = () => {
     void add(chosen(fileInput.files ?? []));
     fileInput.value = "";
@@ -98,10 +99,13 @@ function askAgain(): void {
 }
 
 async function start(): Promise<void> {
-  const [models, limits] = await Promise.all([api.models(), api.limits()]);
+  const [models, limits, read] = await Promise.all([api.models(), api.limits(), api.formats()]);
+  const installed = read.filter((format) => !format.missing_extra);
+  extensions = installed.flatMap(({ extension, aliases }) => [extension, ...aliases]);
+  fileInput.accept = [...extensions, "bin"].map((extension) => `.${extension}`).join(",");
   visit.models = models;
   visit.mostBytes = limits.upload_bytes;
-  const formats = EXTENSIONS.map((extension) => extension.toUpperCase()).join(" · ");
+  const formats = installed.map(({ extension }) => extension.toUpperCase()).join(" · ");
   byId("accepted").textContent = `${formats}, up to ${megabytes(limits.upload_bytes)}`;
   modelPicker.replaceChildren(...models.map(({ name }) => new Option(name)));
   byId("picker").hidden = false;

@@ -8,19 +8,23 @@ import click
 @click.command()
 @click.option("--json", "as_json", is_flag=True, help="One JSON object a line.")
 def formats(as_json: bool) -> None:
-    """List the file formats that are read."""
+    """List the file formats that are read, and those that an extra would add."""
     from rich.console import Console
+    from rich.markup import escape
     from rich.table import Table
 
-    from meshconv3d.model.loading import FORMATS
+    from meshconv3d.model.loading import TABLE
 
     if as_json:
-        for known in FORMATS.values():
+        for known in TABLE.values():
             click.echo(json.dumps(known.to_dict()))
         return
     table = Table("extension", "format", "of it", "media type", box=None, pad_edge=False)
-    for known in FORMATS.values():
-        table.add_row(f".{known.extension}", known.title, known.notes, known.media_types[0])
+    for known in TABLE.values():
+        notes = known.notes
+        if known.missing_extra:
+            notes += f" (not installed: pip install 'meshconv3d[{known.missing_extra}]')"
+        table.add_row(f".{known.extension}", known.title, escape(notes), known.media_types[0])
     Console().print(table)
 
 

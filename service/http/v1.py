@@ -11,7 +11,7 @@ from fastapi.responses import FileResponse, StreamingResponse
 from starlette.requests import ClientDisconnect
 from starlette.types import Receive, Scope, Send
 
-from meshconv3d.model.loading import FORMATS
+from meshconv3d.model.loading import FORMATS, TABLE
 from meshconv3d.model.samples import sample_paths
 from meshconv3d.service.attribution import FORMS, explained_class
 from meshconv3d.service.attribution.legend import ExplainedAnswer
@@ -120,8 +120,8 @@ def add_v1_routes(app: FastAPI, dispatcher: Dispatcher) -> None:
 
     @app.get("/v1/formats", responses=problem_responses(401))
     async def formats() -> dict:
-        """The file formats that are read."""
-        return {"formats": [known.to_dict() for known in FORMATS.values()]}
+        """The file formats that are read, and those for which an extra is missing."""
+        return {"formats": [known.to_dict() for known in TABLE.values()]}
 
     @app.get("/v1/limits", responses=problem_responses(401))
     async def limits() -> dict:

@@ -1,8 +1,4 @@
-// The formats that the service reads, by file extension.
-
-export const EXTENSIONS = ["obj", "off", "stl", "ply", "glb", "gltf", "3mf"] as const;
-
-export type Extension = (typeof EXTENSIONS)[number];
+// What the extension of a file's name tells.
 
 export const extensionOf = (name: string) => name.split(".").pop()!.toLowerCase();
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from click.testing import CliRunner
 
-from meshconv3d.model.loading import FORMATS, Limits
+from meshconv3d.model.loading import TABLE, Limits
 from meshconv3d.service.cli.show import formats
 
 MANUAL = Path(__file__).parents[3] / "docs" / "formats.md"
@@ -22,14 +22,21 @@ def rows(header: str) -> list[list[str]]:
 def test_the_command_lists_every_format():
     lines = CliRunner().invoke(formats, ["--json"]).output.splitlines()
     told = [json.loads(line) for line in lines]
-    assert [one["extension"] for one in told] == list(FORMATS)
+    assert [one["extension"] for one in told] == list(TABLE)
     assert told[-1]["media_types"][0] == "application/zip"
     table = CliRunner().invoke(formats).output
-    assert all(f".{extension} " in table for extension in FORMATS)
+    assert all(f".{extension} " in table for extension in TABLE)
 
 
 def test_the_manual_lists_every_format():
-    expected = [[one.title, f"`.{one.extension}`", one.notes] for one in FORMATS.values()]
+    expected = [
+        [
+            one.title,
+            ", ".join(f"`.{extension}`" for extension in (one.extension, *one.aliases)),
+            one.notes + ("; extra `formats`" if one.library else ""),
+        ]
+        for one in TABLE.values()
+    ]
     assert rows("format | extension | of it") == expected
 
 
