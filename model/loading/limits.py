@@ -32,9 +32,9 @@ class Limits:
     tag_bytes: int = 2**20
     """Bytes of one tag of XML."""
     ear_steps: int = 10**9
-    """Comparisons by which concave polygons are cut, 3 to 4 N^2 for one of N corners.
+    """Comparisons by which concave polygons are cut, 3 to 8 N^2 for one of N corners.
 
-    About a second's work: one polygon of 15 000 corners, or any number of small ones.
+    About a second's work: one polygon of 11 000 to 18 000 corners, or any number of small ones.
     """
     entries: int = 10_000
     """Files in an archive, read or not; other files that one file names."""
