@@ -14,6 +14,7 @@ from compose_pydantic import ComposeSpecification
 from starlette.routing import Route
 
 from meshconv3d.model.loading import Limits
+from meshconv3d.service.container import SERVICE_BYTES, WORKER_BYTES
 from meshconv3d.service.http.admission import Admission
 from meshconv3d.service.http.app import create_app
 from meshconv3d.service.http.telemetry import TelemetryMiddleware
@@ -217,5 +218,6 @@ def test_limits_leave_room_for_what_the_settings_allow(
     """As docs/operations.md counts it."""
     settings = settings_of(name, monkeypatch)
     limit = container_of(name)["resources"]["limits"]["memory"]
-    most = settings.workers * settings.worker_memory_bytes + 3 * settings.max_queue_bytes
+    workers = settings.workers * (WORKER_BYTES + settings.worker_memory_bytes)
+    most = SERVICE_BYTES + settings.max_queue_bytes + workers
     assert int(limit.removesuffix("Gi")) * 2**30 > most

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from meshconv3d.model.samples import sample_paths
+from meshconv3d.service.cli import main
 from tests.commands import sent_to_terminal
 
 
@@ -28,3 +29,26 @@ def test_a_terminal_that_is_not_utf8(
     assert status == 1  # that of one file: an OBJ is no PLY
     assert b"Traceback" not in sent
     assert b"?->ants.ply" in sent
+
+
+@pytest.mark.parametrize("error", [MemoryError(), RuntimeError("can't start new thread")])
+def test_too_little_memory_is_told_in_a_line(
+    error: Exception, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fail(**_: object) -> None:
+        raise error
+
+    monkeypatch.setattr(main, "commands", fail)
+    with pytest.raises(SystemExit) as caught:
+        main.main()
+    assert caught.value.code == 1
+    assert capsys.readouterr().err == "Error: there is not enough memory (see ulimit -v)\n"
+
+
+def test_another_runtime_error_is_not_hidden(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(**_: object) -> None:
+        raise RuntimeError("broken")
+
+    monkeypatch.setattr(main, "commands", fail)
+    with pytest.raises(RuntimeError, match="broken"):
+        main.main()
