@@ -42,7 +42,7 @@ BY_THEMSELVES = (
     "baselines",
     "preparation",
 )
-PACKAGES = ("numpy", "numba", "onnxruntime", "torch", "libigl", "trimesh", "fast-simplification")
+PACKAGES = ("numpy", "numba", "onnxruntime", "torch", "libigl", "trimesh")
 
 
 @dataclass

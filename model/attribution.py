@@ -8,9 +8,21 @@ the contributions of all faces and the bias sum to the score.
 import numpy as np
 from numpy.typing import NDArray
 
+from meshconv3d.model.jit import kernel
 from meshconv3d.model.mesh import Mesh
 from meshconv3d.model.topology import Surface, Topology
-from meshconv3d.model.topology.geometry import face_areas
+from meshconv3d.model.topology.geometry import (
+    Vector,
+    add,
+    cross,
+    dot,
+    face_areas,
+    length,
+    row,
+    scale,
+    subtract,
+    write,
+)
 
 # The least area of a face, as a share of its mesh's.
 NO_AREA = 1e-15
@@ -81,8 +93,56 @@ def _centroids(mesh: Mesh) -> NDArray[np.float64]:
 
 def _nearest(points: NDArray[np.float64], mesh: Mesh) -> NDArray[np.int64]:
     """The face of a mesh that is nearest to each point (N x 3): N int64."""
-    # Imported here: libigl loads scipy, which classifying does not need.
-    import igl
+    return _nearest_faces(points, mesh.vertices, mesh.faces)
 
-    faces = mesh.faces.astype(np.int64)
-    return np.asarray(igl.point_mesh_squared_distance(points, mesh.vertices, faces)[1])
+
+@kernel
+def _nearest_faces(
+    points: NDArray[np.float64], vertices: NDArray[np.float64], faces: NDArray[np.int32]
+) -> NDArray[np.int64]:
+    """Measures the faces whose bounding spheres are nearer than the nearest face so far."""
+    centres, radii = np.empty((len(faces), 3)), np.empty(len(faces))
+    for f in range(len(faces)):
+        a, b, c = row(vertices, faces[f, 0]), row(vertices, faces[f, 1]), row(vertices, faces[f, 2])
+        centre = scale(add(add(a, b), c), 1 / 3)
+        write(centres, f, centre)
+        radii[f] = max(
+            length(subtract(a, centre)), length(subtract(b, centre)), length(subtract(c, centre))
+        )
+    nearest = np.zeros(len(points), np.int64)
+    last = 0
+    for i in range(len(points)):
+        point = row(points, i)
+        best = np.inf
+        # Points follow one another along the surface: the last face is a good first guess.
+        for k in range(-1, len(faces)):
+            f = last if k < 0 else k
+            away = subtract(row(centres, f), point)
+            if dot(away, away) <= (best + radii[f]) ** 2:
+                distance = _distance(
+                    point,
+                    row(vertices, faces[f, 0]),
+                    row(vertices, faces[f, 1]),
+                    row(vertices, faces[f, 2]),
+                )
+                if distance < best or (distance == best and f < nearest[i]):
+                    best, nearest[i] = distance, f
+        last = nearest[i]
+    return nearest
+
+
+@kernel
+def _distance(point: Vector, a: Vector, b: Vector, c: Vector) -> float:
+    """Distance of a point from a triangle."""
+    normal = cross(subtract(b, a), subtract(c, a))
+    above = dot(normal, normal) > 0
+    square = np.inf
+    for start, end in ((a, b), (b, c), (c, a)):
+        edge, away = subtract(end, start), subtract(point, start)
+        above &= dot(cross(normal, edge), away) >= 0
+        along = dot(edge, away) / max(dot(edge, edge), 1e-300)
+        rest = subtract(away, scale(edge, min(max(along, 0.0), 1.0)))
+        square = min(square, dot(rest, rest))
+    if above:
+        return abs(dot(normal, subtract(point, a))) / length(normal)
+    return np.sqrt(square)

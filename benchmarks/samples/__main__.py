@@ -19,7 +19,6 @@ from benchmarks.samples.shapes import SHAPES
 from benchmarks.samples.solids import surface
 from meshconv3d.model.mesh import Mesh
 from meshconv3d.model.preparation import into_unit_sphere
-from meshconv3d.model.preparation.simplification import decimate
 
 
 @dataclass(frozen=True)
@@ -85,12 +84,12 @@ def build(name: str) -> Mesh:
     vertices, faces = surface(shape.solids, shape.blend, shape.step)
     vertices += np.random.default_rng(0).normal(0, ROUGHNESS * shape.step, vertices.shape)
     if recipe.even:
-        result = igl.decimate(vertices, faces.astype(np.int64), recipe.faces)
-        vertices, faces = np.asarray(result[0], float), np.asarray(result[1], np.int32)
+        mesh = Mesh(*igl.decimate(vertices, faces.astype(np.int64), recipe.faces)[:2])
     else:
-        vertices, faces = decimate(vertices, faces, recipe.faces)
+        columns = np.asfortranarray(vertices), np.asfortranarray(faces)
+        mesh = Mesh(*igl.qslim(*columns, recipe.faces)[:2])
     # Adding zero turns a negative zero, which text formats would spell out, into a plain one.
-    return Mesh(np.round(into_unit_sphere(vertices, faces), 4) + 0.0, faces)
+    return mesh.moved(np.round(into_unit_sphere(mesh.vertices, mesh.faces), 4) + 0.0)
 
 
 def encode(mesh: Mesh, extension: str) -> bytes:

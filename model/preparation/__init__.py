@@ -13,16 +13,14 @@ from numpy.typing import NDArray
 
 from meshconv3d.model.errors import UnusableMesh
 from meshconv3d.model.mesh import Mesh
-from meshconv3d.model.preparation.cleaning import (
-    bounding_cube,
-    clean,
-    count_components,
-    drop_degenerate,
-    drop_unused,
-    label_components,
+from meshconv3d.model.preparation.cleaning import CleanSurface, bounding_cube, clean
+from meshconv3d.model.preparation.parts import (
+    drop_dust,
+    fitting_parts,
+    keep_parts,
+    part_areas,
 )
-from meshconv3d.model.preparation.parts import keep_largest_parts
-from meshconv3d.model.preparation.simplification import coarsen, decimate
+from meshconv3d.model.preparation.simplification import simplify
 from meshconv3d.model.preparation.subdivision import subdivide
 from meshconv3d.model.topology.geometry import (
     face_areas,
@@ -44,7 +42,7 @@ __all__ = [
 
 # Simplification that changes the area by more than this has destroyed the shape (crumpled it, or
 # swallowed its thin parts): no class can be read from what is left.
-AREA_KEPT = (0.25, 2.0)
+AREA_KEPT = (0.15, 2.0)
 # More faces than so many budgets take the topology stage and the graph seconds.
 MOST_BUDGETS = 12
 
@@ -61,8 +59,8 @@ class MeshReport:
     only touched, in an edge or a corner. flipped: faces whose winding was turned.
     components, border_edges, watertight: of the cleaned surface, before its face count changed.
     resampled: how the face count was brought to the model's budget; within_budget: whether it
-    was, which many parts or holes can prevent. components_lost: small parts that were dropped or
-    that simplification swallowed. area_kept: surface after all this over surface before it.
+    was, which many handles or holes can prevent. components_lost: small parts that were dropped,
+    as dust or for the budget. area_kept: surface after all this over surface before it.
     note: what reading or simplifying left out or had to guess; mostly empty.
     """
 
@@ -103,8 +101,8 @@ def prepare(mesh: Mesh, face_budget: int) -> tuple[Mesh, MeshReport]:
 
     The result is an edge- and vertex-manifold mesh, wound alike and outward where possible; its
     face count is the budget or one less, and above it only where every further collapse would
-    change the topology, as in a mesh of very many parts. Raises UnusableMesh where no surface
-    with area is left, or where simplification destroyed it.
+    change the topology of a single part with many handles or holes. Raises UnusableMesh where no
+    surface with area is left, or where simplification destroyed it.
     """
     prepared, report, _ = prepare_placed(mesh, face_budget)
     return prepared, report
@@ -112,18 +110,13 @@ def prepare(mesh: Mesh, face_budget: int) -> tuple[Mesh, MeshReport]:
 
 def prepare_placed(mesh: Mesh, face_budget: int) -> tuple[Mesh, MeshReport, Placement]:
     """What `prepare` makes of a mesh, and where in the file it lies."""
-    clean_vertices, clean_faces, counts = clean(mesh)
-    parts = counts["components"]
-    vertices, faces = clean_vertices, clean_faces
-    if parts > 1:
-        component, _ = label_components(faces, len(vertices))
-        kept = keep_largest_parts(vertices, faces, component, face_budget)
-        vertices, faces = drop_unused(vertices, faces[kept])
-    vertices, faces, resampled = _resample(vertices, faces, face_budget)
-    area_kept, parts_left, note = 1.0, parts, mesh.note
-    if resampled != "none" or len(faces) < len(clean_faces):
-        area_kept = surface_area(vertices, faces) / surface_area(clean_vertices, clean_faces)
-        parts_left = count_components(faces, len(vertices))
+    surface = clean(mesh)
+    parts = surface.counts["components"]
+    dusted = drop_dust(surface, face_budget)
+    vertices, faces, resampled, parts_left = _resample(dusted, face_budget)
+    area_kept = 1.0
+    if resampled != "none" or len(faces) < len(surface.faces):
+        area_kept = surface_area(vertices, faces) / surface_area(surface.vertices, surface.faces)
     if not AREA_KEPT[0] <= area_kept <= AREA_KEPT[1]:
         raise UnusableMesh(
             "lost-in-simplification",
@@ -138,15 +131,17 @@ def prepare_placed(mesh: Mesh, face_budget: int) -> tuple[Mesh, MeshReport, Plac
             f"topology, and the model takes {face_budget}: the surface has too many holes or "
             "borders; export a simpler version of the mesh",
         )
-    if parts_left > parts:
-        note = f"{note}; " * bool(note) + f"simplification split {parts} parts into {parts_left}"
+    dropped = dusted.counts["components"] - parts_left
+    note = mesh.note
+    if dropped:
+        note += "; " * bool(note) + f"{dropped} of {parts} parts were dropped"
     report = MeshReport(
-        **counts,
+        **surface.counts,
         faces_in=len(mesh.faces),
         faces_used=len(faces),
         resampled=resampled,
         within_budget=len(faces) <= face_budget,
-        components_lost=max(0, parts - parts_left),
+        components_lost=parts - parts_left,
         area_kept=round(area_kept, 4),
         note=note,
     )
@@ -157,17 +152,25 @@ def prepare_placed(mesh: Mesh, face_budget: int) -> tuple[Mesh, MeshReport, Plac
 
 
 def _resample(
-    vertices: NDArray[np.float64], faces: NDArray[np.int32], budget: int
-) -> tuple[NDArray[np.float64], NDArray[np.int32], Literal["none", "decimated", "subdivided"]]:
+    surface: CleanSurface, budget: int
+) -> tuple[NDArray[np.float64], NDArray[np.int32], Literal["none", "decimated", "subdivided"], int]:
+    """Bring a surface to the budget. Returns (vertices, faces, how, parts left)."""
+    vertices, faces, counts, twin, component = surface
+    how, parts = "none", counts["components"]
     if len(faces) > budget:
-        fewer, fewer_faces = decimate(*coarsen(vertices, faces, budget), budget)
-        if len(fewer_faces) == len(faces):
-            return vertices, faces, "none"
-        fewer, fewer_faces = drop_unused(fewer, drop_degenerate(fewer, fewer_faces)[0])
-        return *subdivide(fewer, fewer_faces, budget), "decimated"
+        vertices, faces, origin = simplify(vertices, faces, twin, budget)
+        if len(faces) > budget and parts > 1:
+            sizes = np.bincount(component[origin])
+            kept = fitting_parts(part_areas(surface), sizes, budget)
+            # Once more without the others: faces that these took are there for the rest.
+            return _resample(keep_parts(surface, kept), budget)
+        if len(faces) < len(surface.faces):
+            how = "decimated"
     if len(faces) < budget - 1:
-        return *subdivide(vertices, faces, budget), "subdivided"
-    return vertices, faces, "none"
+        vertices, faces = subdivide(vertices, faces, budget)
+        if how == "none":
+            how = "subdivided"
+    return vertices, faces, how, parts
 
 
 def into_unit_sphere(

@@ -4,7 +4,7 @@
 float64 in the unit box and faces F x 3 int32, and a count of what it changed.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,13 +42,26 @@ OPEN_VOLUME = 1e-3
 CLOSED_VOLUME = 1e-12
 
 
-def clean(mesh: Mesh) -> tuple[NDArray[np.float64], NDArray[np.int32], dict[str, Any]]:
+class CleanSurface(NamedTuple):
+    """An oriented manifold, possibly with borders, in the unit box.
+
+    vertices: V x 3 float64. faces: F x 3 int32. counts: the fields of `MeshReport` that cleaning
+    decides. twin: H int32. component: F int32, the part of each face; parts share no edge.
+    """
+
+    vertices: NDArray[np.float64]
+    faces: NDArray[np.int32]
+    counts: dict[str, Any]
+    twin: NDArray[np.int32]
+    component: NDArray[np.int32]
+
+
+def clean(mesh: Mesh) -> CleanSurface:
     """Weld, drop what has no area or is there twice, separate what only touches, orient.
 
-    Returns (vertices, faces, counts), in the unit box; counts are the fields of `MeshReport`
-    that cleaning decides. Vertices, faces and corners come in an order that follows from where
-    they lie, not from the file: what breaks ties by order later breaks them alike however the
-    mesh is written down. Raises UnusableMesh where no face has an area.
+    Vertices, faces and corners come in an order that follows from where they lie, not from the
+    file: what breaks ties by order later breaks them alike however the mesh is written down. Raises
+    UnusableMesh where no face has an area.
     """
     vertices, faces, merged = weld(*_into_unit_box(mesh))
     vertices_in = len(vertices) + merged
@@ -72,7 +85,10 @@ def clean(mesh: Mesh) -> tuple[NDArray[np.float64], NDArray[np.int32], dict[str,
     vertices, faces, copies = split_vertices(vertices, faces, touching)
     faces = turned(faces, flip)
     twin, border, _ = find_twins(faces, len(vertices))
-    inward, components = face_inward(vertices, faces, twin, np.where(flip, -winding, winding))
+    component, _, components = spread_orientation(faces, twin)
+    inward = face_inward(
+        vertices, faces, twin, component, components, np.where(flip, -winding, winding)
+    )
     against_file = np.where(flip ^ inward, -winding, winding) < 0
     counts = {
         "vertices_in": vertices_in,
@@ -87,7 +103,8 @@ def clean(mesh: Mesh) -> tuple[NDArray[np.float64], NDArray[np.int32], dict[str,
         "border_edges": border,
         "watertight": border == 0,
     }
-    return vertices, turned(faces, inward), counts
+    turn_faces(faces, twin, inward)
+    return CleanSurface(vertices, faces, counts, twin, component)
 
 
 def _into_unit_box(mesh: Mesh) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
@@ -217,7 +234,7 @@ def wind_alike(
     Returns (flip, twin): flip, F bool; twin, the half-edges with a cut along the line where a
     one-sided surface (a Moebius strip) runs against itself.
     """
-    _, flip, _ = _spread_orientation(faces, twin)
+    _, flip, _ = spread_orientation(faces, twin)
     return flip, _cut_against(faces, twin, flip)
 
 
@@ -238,7 +255,7 @@ def _cut_against(
 
 
 @kernel
-def _spread_orientation(
+def spread_orientation(
     faces: NDArray[np.int32], twin: NDArray[np.int32]
 ) -> tuple[NDArray[np.int32], NDArray[np.bool_], int]:
     """Component of every face, whether it is wound against its first face, and their number."""
@@ -272,15 +289,17 @@ def face_inward(
     vertices: NDArray[np.float64],
     faces: NDArray[np.int32],
     twin: NDArray[np.int32],
+    component: NDArray[np.int32],
+    count: int,
     winding: NDArray[np.int8],
-) -> tuple[NDArray[np.bool_], int]:
-    """Which faces of consistently wound components look inward: (F bool, components).
+) -> NDArray[np.bool_]:
+    """Which faces (F bool) of `count` consistently wound components look inward.
 
-    winding: F int8, 1 where a face is wound as in the file, -1 where it is not. A component that
-    is too flat to have an outside faces away from the centre of the whole mesh; if that lies in
-    it, as for a single sheet, it keeps the winding of most of its faces.
+    component: F int32, of each face. winding: F int8, 1 where a face is wound as in the file, -1
+    where it is not. A component that is too flat to have an outside faces away from the centre of
+    the whole mesh; if that lies in it, as for a single sheet, it keeps the winding of most of its
+    faces.
     """
-    component, _, count = _spread_orientation(faces, twin)
     geometry = face_geometry(vertices, faces)
     middle = surface_centroid(geometry)
     areas, volumes, outwards = _enclosed(component, count, geometry, middle)
@@ -289,7 +308,7 @@ def face_inward(
     seen = np.abs(outwards) > OPEN_VOLUME * areas**1.5
     flat = np.where(seen, outwards < 0, np.bincount(component, winding, count) < 0)
     turn = np.where(np.abs(volumes) > least, volumes < 0, flat)
-    return turn[component], count
+    return turn[component]
 
 
 @kernel
@@ -325,18 +344,19 @@ def _enclosed(
     return total, own / 3, common / 3
 
 
-def label_components(faces: NDArray[np.int32], vertex_count: int) -> tuple[NDArray[np.int32], int]:
-    """Part of each face (F int32), and how many parts there are; parts share no edge."""
-    twin, _, _ = find_twins(faces, vertex_count)
-    component, _, count = _spread_orientation(faces, twin)
-    return component, count
-
-
-def count_components(faces: NDArray[np.int32], vertex_count: int) -> int:
-    """Parts of a mesh that share no edge."""
-    return label_components(faces, vertex_count)[1]
-
-
 def turned(faces: NDArray[np.int32], which: NDArray[np.bool_]) -> NDArray[np.int32]:
     """The faces with the winding of some (F bool) reversed."""
     return np.where(which[:, None], faces[:, ::-1], faces)
+
+
+@kernel
+def turn_faces(faces: NDArray[np.int32], twin: NDArray[np.int32], which: NDArray[np.bool_]) -> None:
+    """Reverse the winding of whole components (F bool) in place: their first two sides swap."""
+    for f in range(len(faces)):
+        if which[f]:
+            faces[f, 0], faces[f, 2] = faces[f, 2], faces[f, 0]
+            twin[3 * f], twin[3 * f + 1] = twin[3 * f + 1], twin[3 * f]
+    for h in range(len(twin)):
+        t = twin[h]
+        if t >= 0 and which[t // 3] and t % 3 < 2:
+            twin[h] = t + 1 - 2 * (t % 3)

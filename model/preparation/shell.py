@@ -3,7 +3,7 @@
 A walker on one side of a face crosses each of its edges to the side of the next face around that
 edge, and around a border to the back of the same face. The sides that can be reached from one
 another enclose a cell of space, or look at it from outside. Faces that do not look outside on
-either side are walls; to a viewer, and to qslim, the shape is the rest.
+either side are walls; to a viewer, the shape is the rest.
 """
 
 import math

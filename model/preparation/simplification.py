@@ -1,73 +1,191 @@
-"""A quick first simplification of meshes with very many faces.
+"""Simplification: quadric edge collapse from above to the face budget.
 
-The careful one (`resampling.decimate`) takes sixteen times as long as fast-simplification, which
-in turn may glue and fold what it simplifies. Far above the face budget there is room for that: what
-it leaves is cleaned again, and simplified on with care.
+`simplify` collapses the edge that costs least, again and again; an edge costs what the quadrics of
+its ends sum to at their least point (Garland and Heckbert 1997). Edges wait in a queue of buckets,
+by the logarithm of their cost. A collapse only raises the costs around it, so an edge is measured
+again when its turn comes, and waits on if it costs more by then: time is linear in the faces.
+
+Everything is decided by costs and by the order of vertices and faces, which `cleaning` makes that
+of their coordinates: how a file numbers its mesh changes nothing.
 """
 
-import os
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from meshconv3d.model.errors import UnusableMesh
-from meshconv3d.model.mesh import Mesh
-from meshconv3d.model.preparation.cleaning import bounding_cube, clean, count_components
-from meshconv3d.model.topology.geometry import surface_area
+from meshconv3d.model.jit import kernel
+from meshconv3d.model.preparation.cleaning import drop_unused
+from meshconv3d.model.preparation.edge_collapse import (
+    DEGENERATE,
+    TURNED,
+    HalfEdges,
+    collapse_edge,
+    effect_of_moving,
+    half_edges,
+    meets_link_condition,
+    previous_side,
+    turn_left,
+)
+from meshconv3d.model.preparation.quadrics import least_point, vertex_quadrics
+from meshconv3d.model.topology.geometry import Vector, row, write
 
-# Read as libigl is first used. To start threads for each mesh takes longer than they save, and
-# where all cores are busy, they wait for each other.
-os.environ.setdefault("IGL_NUM_THREADS", "1")
-
-# Faces up to which care costs no more than a fifth of a second.
-MOST_FACES = 20_000
-# What is left, in face budgets.
-ROOM = 4
-# A coarse mesh whose area is farther off than this has lost parts, and is not used; nor is one that
-# is torn into more parts.
-AREA_KEPT = (0.9, 1.1)
-
-
-def coarsen(
-    vertices: NDArray[np.float64], faces: NDArray[np.int32], budget: int
-) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    """A clean mesh of about ROOM times `budget` faces in the place of one with more than
-    MOST_FACES. Any other is returned as it is, and so is one that this would damage."""
-    if len(faces) <= MOST_FACES:
-        return vertices, faces
-    # fast-simplification is compiled, and loaded only where there is use for it.
-    import fast_simplification
-
-    coarse = fast_simplification.simplify(vertices, faces, target_count=ROOM * budget)
-    try:
-        fewer, fewer_faces = _cleaned(Mesh(*coarse[:2]))
-    except UnusableMesh:
-        return vertices, faces
-    kept = surface_area(fewer, fewer_faces) / surface_area(vertices, faces)
-    if not AREA_KEPT[0] <= kept <= AREA_KEPT[1]:
-        return vertices, faces
-    torn = count_components(fewer_faces, len(fewer)) > count_components(faces, len(vertices))
-    return (vertices, faces) if torn else (fewer, fewer_faces)
+# A collapse that turns a face over waits until others cost this many times as much.
+TURN_COST = 10.0
+# Faces around both ends up to which an edge is collapsed: the spokes of a wheel wait until its rim
+# has fewer edges, or each would take time in proportion to their number.
+MOST_FACES_AROUND = 256
+# How many of the last bits of a cost, a float32, its bucket leaves out: there are four buckets to
+# each power of two, or one to eight powers. In coarse buckets edges go in the order of memory,
+# which is faster for very many faces. They are used down to MANY_BUDGETS, so that nothing of it is
+# left to see.
+FINE, COARSE = 21, 26
+MANY_BUDGETS = 20
+BUCKETS = 1 << 10
+# When every edge has had its turn, all have another if that removed this share of the excess.
+LEAST_PROGRESS = 1 / 4
 
 
-def _cleaned(mesh: Mesh) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    """Clean, and stay in place."""
-    corner, size = bounding_cube(mesh)
-    vertices, faces, _ = clean(mesh)
-    return vertices * size + corner, faces
+def simplify(
+    vertices: NDArray[np.float64],
+    faces: NDArray[np.int32],
+    twin: NDArray[np.int32],
+    budget: int,
+) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.int64]]:
+    """Simplify an oriented manifold of more than `budget` faces, whose half-edges have twins (H).
 
-
-def decimate(
-    vertices: NDArray[np.float64], faces: NDArray[np.int32], budget: int
-) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    """Quadric edge collapse from above to `budget` faces, keeping components and borders.
-
-    The input is an edge-manifold without degenerate faces. The count can end above the budget
-    where every further collapse would change the topology. libigl holds the GIL throughout, so
-    calls from several threads run one after the other.
+    Returns (vertices, faces, origin): origin, which of the faces given each one was. The last
+    collapse of an inner edge can leave one face less than the budget. More are left where no
+    collapse is allowed any more: a closed part has four faces at least, an open one has one, and
+    handles and holes need more.
     """
-    # libigl pulls in scipy: a mesh that fits its budget need not wait for that.
-    import igl
+    mesh = half_edges(vertices, faces, twin)
+    quadrics = vertex_quadrics(vertices, faces, twin)
+    living = len(faces)
+    if living > 2 * MANY_BUDGETS * budget:
+        living = _collapse_edges(mesh, quadrics, living, MANY_BUDGETS * budget, COARSE)
+    _collapse_edges(mesh, quadrics, living, budget, FINE)
+    origin = np.flatnonzero(mesh.faces[:, 0] >= 0)
+    return *drop_unused(mesh.vertices, mesh.faces[origin]), origin
 
-    result = igl.qslim(np.asfortranarray(vertices), np.asfortranarray(faces), budget)
-    return np.ascontiguousarray(result[0]), np.ascontiguousarray(result[1], dtype=np.int32)
+
+class Queue(NamedTuple):
+    """Half-edges in buckets, first in, first out.
+
+    after: H int32, the one behind each, END or ABSENT. head, tail: of each bucket; the head is END
+    if it is empty.
+    """
+
+    after: NDArray[np.int32]
+    head: NDArray[np.int32]
+    tail: NDArray[np.int32]
+
+
+END, ABSENT = -1, -2
+
+
+@kernel
+def _collapse_edges(
+    mesh: HalfEdges, quadrics: NDArray[np.float64], living: int, budget: int, shift: int
+) -> int:
+    """Collapse edges of a mesh of `living` faces until `budget` are left or none is allowed.
+
+    shift: FINE or COARSE. Returns how many faces are left.
+    """
+    queue = Queue(
+        np.full(len(mesh.twin), ABSENT, np.int32),
+        np.full(BUCKETS, END, np.int32),
+        np.empty(BUCKETS, np.int32),
+    )
+    # For each vertex, the number of the last attempt that met it.
+    met = np.zeros(len(mesh.vertices), np.int32)
+    attempt = 0
+    excess = 0
+    current = BUCKETS
+    while living > budget:
+        while current < BUCKETS and queue.head[current] == END:
+            current += 1
+        if current == BUCKETS:
+            if excess > 0 and living - budget > (1 - LEAST_PROGRESS) * excess:
+                break
+            excess = living - budget
+            _push_all_edges(mesh, quadrics, queue, shift)
+            current = 0
+            continue
+        h = queue.head[current]
+        queue.head[current] = queue.after[h]
+        queue.after[h] = ABSENT
+        if mesh.faces[h // 3, 0] < 0:
+            continue
+        u, v = mesh.faces[h // 3, h % 3], mesh.faces[h // 3, (h % 3 + 1) % 3]
+        if mesh.valence[u] + mesh.valence[v] > MOST_FACES_AROUND:
+            continue
+        place, cost = _least_point(mesh, quadrics, u, v)
+        if _bucket(cost, shift) > current:
+            _push(queue, h, _bucket(cost, shift))
+            continue
+        attempt += 1
+        if not meets_link_condition(mesh, h, u, v, met, attempt):
+            continue
+        effect = max(effect_of_moving(mesh, u, v, place), effect_of_moving(mesh, v, u, place))
+        if effect == DEGENERATE:
+            continue
+        if effect == TURNED and _bucket(TURN_COST * cost, shift) > current:
+            _push(queue, h, _bucket(TURN_COST * cost, shift))
+            continue
+        living -= collapse_edge(mesh, h, u, v)
+        write(mesh.vertices, u, place)
+        for i in range(10):
+            quadrics[u, i] += quadrics[v, i]
+        _push_edges_around(mesh, queue, u, current)
+    return living
+
+
+@kernel
+def _least_point(
+    mesh: HalfEdges, quadrics: NDArray[np.float64], u: int, v: int
+) -> tuple[Vector, float]:
+    return least_point(quadrics[u], quadrics[v], row(mesh.vertices, u), row(mesh.vertices, v))
+
+
+@kernel
+def _push_all_edges(
+    mesh: HalfEdges, quadrics: NDArray[np.float64], queue: Queue, shift: int
+) -> None:
+    """Queue every edge, by the later of its half-edges."""
+    for h in range(len(mesh.twin)):
+        if mesh.twin[h] > h or mesh.faces[h // 3, 0] < 0:
+            continue
+        u, v = mesh.faces[h // 3, h % 3], mesh.faces[h // 3, (h % 3 + 1) % 3]
+        _push(queue, h, _bucket(_least_point(mesh, quadrics, u, v)[1], shift))
+
+
+@kernel
+def _push_edges_around(mesh: HalfEdges, queue: Queue, u: int, bucket: int) -> None:
+    """Queue the edges at a vertex that are not in the queue: they may be allowed now."""
+    g = mesh.first[u]
+    while True:
+        t = mesh.twin[g]
+        if queue.after[g] == ABSENT and (t < 0 or queue.after[t] == ABSENT):
+            _push(queue, g, bucket)
+        last = previous_side(g)
+        g = turn_left(mesh, g)
+        if g < 0 and queue.after[last] == ABSENT:
+            _push(queue, last, bucket)
+        if g < 0 or g == mesh.first[u]:
+            break
+
+
+@kernel
+def _bucket(cost: float, shift: int) -> int:
+    return np.float32(cost).view(np.int32) >> shift
+
+
+@kernel
+def _push(queue: Queue, h: int, bucket: int) -> None:
+    queue.after[h] = END
+    if queue.head[bucket] == END:
+        queue.head[bucket] = h
+    else:
+        queue.after[queue.tail[bucket]] = h
+    queue.tail[bucket] = h

@@ -11,9 +11,9 @@ import trimesh
 from numpy.typing import NDArray
 
 from meshconv3d.model.mesh import Mesh
-from meshconv3d.model.preparation.simplification import decimate
+from meshconv3d.model.preparation.simplification import simplify
 from meshconv3d.model.topology import Surface
-from meshconv3d.model.topology.halfedges import edge_lengths
+from meshconv3d.model.topology.halfedges import edge_lengths, find_twins
 
 
 def retriangulated(mesh: Mesh, rng: np.random.Generator) -> Mesh:
@@ -34,10 +34,15 @@ def smoothed(mesh: Mesh, times: int) -> Mesh:
 
 
 def with_faces(mesh: Mesh, count: int) -> Mesh:
-    """About `count` faces: subdivided until there are more, then simplified."""
+    """About `count` faces: subdivided until there are more, then simplified.
+
+    mesh: an oriented manifold, as every prepared mesh is.
+    """
     while len(mesh.faces) < count:
         mesh = subdivided(mesh)
-    return Mesh(*decimate(mesh.vertices, mesh.faces, count))
+    twin, _, _ = find_twins(mesh.faces, len(mesh.vertices))
+    vertices, faces, _ = simplify(mesh.vertices, mesh.faces, twin, count)
+    return Mesh(vertices, faces)
 
 
 def noisy(mesh: Mesh, share: float, rng: np.random.Generator) -> Mesh:

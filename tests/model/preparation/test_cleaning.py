@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from meshconv3d.model.errors import UnusableMesh
 from meshconv3d.model.mesh import Mesh
-from meshconv3d.model.preparation.cleaning import GRID_SHIFT, GRID_STEPS, clean, count_components
+from meshconv3d.model.preparation.cleaning import GRID_SHIFT, GRID_STEPS, clean
+from meshconv3d.model.topology.halfedges import find_twins
 from tests.meshes import (
     cube,
     icosphere,
@@ -59,14 +60,15 @@ def signed_volume(vertices: np.ndarray, faces: np.ndarray) -> float:
 @settings(max_examples=200)
 def test_any_triangles_become_an_oriented_manifold_and_stay_where_they_are(surface):
     mesh = surface.mesh()
-    vertices, faces, counts = clean(mesh)
+    vertices, faces, counts, twin, component = clean(mesh)
     check_oriented_manifold(faces)
+    assert (twin == find_twins(faces, len(vertices))[0]).all()
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     found, placed = (
         positions(vertices, faces),
         positions((mesh.vertices - low) / (high - low).max(), mesh.faces),
     )
-    assert counts["components"] == count_components(faces, len(vertices))
+    assert counts["components"] == len(np.unique(component))
     if counts["walls_dropped"]:
         assert len(found) == len(placed) - counts["walls_dropped"]
         assert all(triangle in placed for triangle in found)
@@ -77,7 +79,7 @@ def test_any_triangles_become_an_oriented_manifold_and_stay_where_they_are(surfa
 
 @pytest.mark.parametrize("mesh", [cube(), torus(), sheet(), icosphere(2)])
 def test_a_clean_mesh_is_left_alone(mesh):
-    vertices, faces, counts = clean(mesh)
+    vertices, faces, counts, *_ = clean(mesh)
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     expected = placed_triangles((mesh.vertices - low) / (high - low).max(), mesh.faces)
     assert placed_triangles(vertices, faces) == pytest.approx(expected, abs=1e-6)
@@ -89,7 +91,7 @@ def test_a_clean_mesh_is_left_alone(mesh):
 
 
 def test_triangle_soup_is_welded():
-    vertices, _, counts = clean(soup(icosphere(2)))
+    vertices, _, counts, *_ = clean(soup(icosphere(2)))
     assert len(vertices) == 162
     assert counts["vertices_in"] == 960
     assert counts["vertices_merged"] == 960 - 162
@@ -109,7 +111,7 @@ def test_nearly_equal_vertices_are_welded_and_distant_ones_are_not():
 def test_unused_vertices_do_not_count():
     mesh = cube()
     extra = Mesh(np.concatenate([[[9, 9, 9]], mesh.vertices, [[7, 7, 7]]]), mesh.faces + 1)
-    vertices, faces, counts = clean(extra)
+    vertices, faces, counts, *_ = clean(extra)
     assert (len(vertices), counts["vertices_in"], counts["vertices_merged"]) == (8, 8, 0)
     assert positions(vertices, faces) == positions(mesh.vertices, mesh.faces)
 
@@ -119,7 +121,7 @@ def test_degenerate_and_duplicate_faces_are_dropped_and_counted():
     middle = [*mesh.vertices, (mesh.vertices[0] + mesh.vertices[1]) / 2]
     degenerate = [[0, 0, 1], [3, 5, 3], [0, 8, 1]]
     duplicate = [mesh.faces[3], np.roll(mesh.faces[3], 1), mesh.faces[7][::-1]]
-    vertices, faces, counts = clean(Mesh(middle, [*mesh.faces, *degenerate, *duplicate]))
+    vertices, faces, counts, *_ = clean(Mesh(middle, [*mesh.faces, *degenerate, *duplicate]))
     assert (counts["degenerate_dropped"], counts["duplicates_dropped"]) == (3, 3)
     assert positions(vertices, faces) == positions(mesh.vertices, mesh.faces)
     assert counts["watertight"]
@@ -143,7 +145,7 @@ def test_nothing_but_lines_and_points_has_no_area():
 def test_surfaces_that_touch_in_a_corner_come_apart_there():
     one = cube()
     bow_tie = together(one, one.moved(-one.vertices))
-    vertices, faces, counts = clean(bow_tie)
+    vertices, faces, counts, *_ = clean(bow_tie)
     check_oriented_manifold(faces)
     assert (counts["vertices_merged"], counts["vertices_split"]) == (1, 1)
     assert (counts["components"], counts["nonmanifold_edges"]) == (2, 0)
@@ -152,7 +154,7 @@ def test_surfaces_that_touch_in_a_corner_come_apart_there():
 
 def test_surfaces_that_touch_in_an_edge_come_apart_there():
     one = cube()
-    _, faces, counts = clean(together(one, one.moved(one.vertices * [-1, -1, 1])))
+    _, faces, counts, *_ = clean(together(one, one.moved(one.vertices * [-1, -1, 1])))
     check_oriented_manifold(faces)
     assert counts["nonmanifold_edges"] == 1
     assert counts["vertices_merged"] == 2
@@ -162,7 +164,7 @@ def test_surfaces_that_touch_in_an_edge_come_apart_there():
 def test_a_fin_on_a_closed_surface_is_an_edge_of_three():
     mesh = cube()
     fin = Mesh([*mesh.vertices, (-1, -1, 0.5)], [*mesh.faces, [0, 1, 8]])
-    _, faces, counts = clean(fin)
+    _, faces, counts, *_ = clean(fin)
     check_oriented_manifold(faces)
     assert counts["nonmanifold_edges"] == 1
     assert not counts["watertight"]
@@ -171,7 +173,7 @@ def test_a_fin_on_a_closed_surface_is_an_edge_of_three():
 @pytest.mark.parametrize("mesh", [cube(), torus(), icosphere(2)])
 def test_an_inverted_closed_mesh_is_turned_outward(mesh):
     assert signed_volume(mesh.vertices, mesh.faces) > 0
-    vertices, faces, counts = clean(Mesh(mesh.vertices, mesh.faces[:, ::-1]))
+    vertices, faces, counts, *_ = clean(Mesh(mesh.vertices, mesh.faces[:, ::-1]))
     assert signed_volume(vertices, faces) > 0
     assert counts["flipped"] == len(mesh.faces)
 
@@ -182,7 +184,7 @@ def test_mixed_winding_is_made_outward_and_counted(seed):
     mesh = torus(8, 6)
     wrong = np.random.default_rng(seed).random(len(mesh.faces)) < 0.5
     mixed = Mesh(mesh.vertices, np.where(wrong[:, None], mesh.faces[:, ::-1], mesh.faces))
-    vertices, faces, counts = clean(mixed)
+    vertices, faces, counts, *_ = clean(mixed)
     check_oriented_manifold(faces)
     assert counts["flipped"] == wrong.sum()
     assert signed_volume(vertices, faces) > 0
@@ -192,7 +194,7 @@ def test_an_open_half_sphere_looks_outward_whichever_way_it_was_wound():
     ball = icosphere(3)
     half = ball.faces[(ball.vertices[ball.faces][:, :, 2] > -0.1).all(axis=1)]
     for wound in (half, half[:, ::-1]):
-        vertices, faces, counts = clean(Mesh(ball.vertices, wound))
+        vertices, faces, counts, *_ = clean(Mesh(ball.vertices, wound))
         a, b, c = vertices[faces].transpose(1, 0, 2)
         normals = np.cross(b - a, c - a)
         centre = np.array([0.5, 0.5, 0])
@@ -205,7 +207,7 @@ def test_a_flat_sheet_keeps_the_side_that_most_of_it_shows():
     flat = plain.vertices * [1, 1, 0]
     few = np.arange(len(plain.faces)) < 10
     mixed = np.where(few[:, None], plain.faces[:, ::-1], plain.faces)
-    vertices, faces, counts = clean(Mesh(flat, mixed))
+    vertices, faces, counts, *_ = clean(Mesh(flat, mixed))
     a, b, c = vertices[faces].transpose(1, 0, 2)
     assert (np.cross(b - a, c - a)[:, 2] > 0).all()
     assert counts["flipped"] == 10
@@ -214,7 +216,7 @@ def test_a_flat_sheet_keeps_the_side_that_most_of_it_shows():
 def test_components_are_turned_each_by_itself():
     one, two = icosphere(1), cube()
     two = Mesh(two.vertices + 5, two.faces[:, ::-1])
-    vertices, faces, counts = clean(together(one, two))
+    vertices, faces, counts, *_ = clean(together(one, two))
     assert counts["flipped"] == 12
     assert counts["components"] == 2
     assert signed_volume(vertices, faces[:80]) > 0
@@ -223,7 +225,7 @@ def test_components_are_turned_each_by_itself():
 
 def test_a_one_sided_strip_is_cut_once_across():
     strip = moebius()
-    vertices, faces, counts = clean(strip)
+    vertices, faces, counts, *_ = clean(strip)
     check_oriented_manifold(faces)
     assert (len(faces), len(vertices)) == (48, 50)
     assert counts["components"] == 1

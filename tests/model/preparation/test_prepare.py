@@ -129,7 +129,7 @@ def test_a_shape_that_simplification_destroys_is_refused():
 
 
 def test_preparing_twice_changes_nothing():
-    once, _ = prepare(icosphere(3), BUDGET)
+    once, _ = prepare(torus(40, 20), BUDGET)
     twice, report = prepare(once, BUDGET)
     triangles = placed_triangles(once.vertices, once.faces)
     assert placed_triangles(twice.vertices, twice.faces) == pytest.approx(triangles, abs=3e-6)

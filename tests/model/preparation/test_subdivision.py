@@ -16,7 +16,7 @@ from tests.surfaces import MANIFOLD, triangles
 @given(triangles(kinds=MANIFOLD), st.integers(0, 120))
 @settings(max_examples=60)
 def test_subdividing_splits_faces_where_they_are(surface, room):
-    vertices, faces, counts = clean(surface.mesh())
+    vertices, faces, counts, *_ = clean(surface.mesh())
     budget = len(faces) + room
     new_vertices, new_faces = subdivide(vertices, faces, budget)
     assert budget - 1 <= len(new_faces) <= budget
