@@ -51,7 +51,7 @@ class Limits:
     """How many times the archive's own size that may be. XML of a mesh packs to a fourth or, with
     few digits, a sixteenth; of a lattice of equal cubes to a 37th."""
 
-    converter_seconds: int = 60
+    converter_seconds: int = 25
     """Seconds in which a library of the extra `formats` reads a file."""
 
     def check(self, what: str, count: int, found: str | None = None) -> None:

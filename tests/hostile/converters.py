@@ -43,8 +43,8 @@ _OTHER = b"DATA;\n#900=%s'/etc/hostname',$);\n"
 for _kind in (b"DOCUMENT_FILE(", b"externally_defined_item ("):
     _text = replaced(_STEP, b"DATA;\n", _OTHER % _kind)
     FILES.add(f"STEP: {_kind.decode()}", _text, "unsupported-feature")
-FILES.add("STEP: half of it", _STEP[: len(_STEP) // 2], "unreadable")
-FILES.add("STEP: nothing", b"ISO-10303-21;\n", "unreadable")
+FILES.add("STEP: half of it", _STEP[: len(_STEP) // 2], "unsupported-feature")
+FILES.add("STEP: nothing", b"ISO-10303-21;\nEND-ISO-10303-21;\n", "unreadable")
 FILES.add("FBX: half of it", _FBX[: len(_FBX) // 2], "unreadable", "a.fbx")
 FILES.add(
     "FBX: binary rubbish", b"Kaydara FBX Binary  \0\x1a\0" + b"\xff" * 500, "unreadable", "a.fbx"

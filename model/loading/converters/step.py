@@ -17,6 +17,8 @@ def read(path: Path) -> bytes:
     data = path.read_bytes()
     if _REFERENCE.search(data):
         sys.exit("the file refers to parts in other files; export it as one")
+    if b"END-ISO-10303-21" not in data:  # on which the library may hang
+        sys.exit("the file is cut off before its end; export or upload it again")
     return cascadio.load(
         data,
         "step",
