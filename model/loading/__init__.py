@@ -6,8 +6,9 @@ bytes is ever opened: other files that one needs are given with it (`find_pieces
 
 Every reader compares what the bytes declare with `Limits` before it makes arrays of that size, and
 takes text and XML piece by piece, so that memory stays within a small multiple of the bytes and the
-limits. All formats are read with NumPy: to find out whether a general library would read a hostile
-file rightly, and within bounds, one has to read it first.
+limits. Most formats are read with NumPy: to find out whether a general library would read a hostile
+file rightly, and within bounds, one has to read it first. Libraries read what is too large to write
+anew (`converters`), each file in a process of its own.
 """
 
 from meshconv3d.model.loading.folders import (
