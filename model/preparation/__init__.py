@@ -19,6 +19,7 @@ from meshconv3d.model.preparation.parts import (
     fitting_parts,
     keep_parts,
     part_areas,
+    scrap_area,
 )
 from meshconv3d.model.preparation.simplification import simplify
 from meshconv3d.model.preparation.subdivision import subdivide
@@ -41,7 +42,8 @@ __all__ = [
 ]
 
 # Simplification that changes the area by more than this has destroyed the shape (crumpled it, or
-# swallowed its thin parts): no class can be read from what is left.
+# swallowed its thin parts): no class can be read from what is left. Dropped scraps do not count:
+# others like them are left, as of the leaves of a tree.
 AREA_KEPT = (0.15, 2.0)
 # More faces than so many budgets take the topology stage and the graph seconds.
 MOST_BUDGETS = 12
@@ -113,15 +115,17 @@ def prepare_placed(mesh: Mesh, face_budget: int) -> tuple[Mesh, MeshReport, Plac
     surface = clean(mesh)
     parts = surface.counts["components"]
     dusted = drop_dust(surface, face_budget)
-    vertices, faces, resampled, parts_left = _resample(dusted, face_budget)
-    area_kept = 1.0
+    vertices, faces, resampled, left = _resample(dusted, face_budget)
+    area_kept = shape_kept = 1.0
     if resampled != "none" or len(faces) < len(surface.faces):
-        area_kept = surface_area(vertices, faces) / surface_area(surface.vertices, surface.faces)
-    if not AREA_KEPT[0] <= area_kept <= AREA_KEPT[1]:
+        area, before = surface_area(vertices, faces), surface_area(surface.vertices, surface.faces)
+        area_kept = area / before
+        shape_kept = area / (before - scrap_area(dusted) + scrap_area(left))
+    if not AREA_KEPT[0] <= shape_kept <= AREA_KEPT[1]:
         raise UnusableMesh(
             "lost-in-simplification",
             f"simplifying {len(mesh.faces)} faces to {face_budget} changed the surface area to "
-            f"{area_kept:.0%}: the shape is too intricate (foliage, hair, many loose parts); "
+            f"{shape_kept:.0%}: the shape is too intricate (foliage, hair, many loose parts); "
             "export a simpler version of the mesh",
         )
     if len(faces) > MOST_BUDGETS * face_budget:
@@ -131,6 +135,7 @@ def prepare_placed(mesh: Mesh, face_budget: int) -> tuple[Mesh, MeshReport, Plac
             f"topology, and the model takes {face_budget}: the surface has too many holes or "
             "borders; export a simpler version of the mesh",
         )
+    parts_left = left.counts["components"]
     dropped = dusted.counts["components"] - parts_left
     note = mesh.note
     if dropped:
@@ -153,8 +158,11 @@ def prepare_placed(mesh: Mesh, face_budget: int) -> tuple[Mesh, MeshReport, Plac
 
 def _resample(
     surface: CleanSurface, budget: int
-) -> tuple[NDArray[np.float64], NDArray[np.int32], Literal["none", "decimated", "subdivided"], int]:
-    """Bring a surface to the budget. Returns (vertices, faces, how, parts left)."""
+) -> tuple[
+    NDArray[np.float64], NDArray[np.int32], Literal["none", "decimated", "subdivided"], CleanSurface
+]:
+    """Bring a surface to the budget. Returns (vertices, faces, how, the surface without the parts
+    that were dropped)."""
     vertices, faces, counts, twin, component = surface
     how, parts = "none", counts["components"]
     if len(faces) > budget:
@@ -170,7 +178,7 @@ def _resample(
         vertices, faces = subdivide(vertices, faces, budget)
         if how == "none":
             how = "subdivided"
-    return vertices, faces, how, parts
+    return vertices, faces, how, surface
 
 
 def into_unit_sphere(

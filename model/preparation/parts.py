@@ -12,6 +12,9 @@ from meshconv3d.model.topology.geometry import face_areas
 DUST = 0.25
 DUST_SHARE = 0.01
 
+# A part of fewer faces is a scrap: a leaf, a blade of grass.
+SCRAP_FACES = 4
+
 
 def drop_dust(surface: CleanSurface, budget: int) -> CleanSurface:
     """Drop the smallest parts, if they are dust."""
@@ -48,6 +51,12 @@ def fitting_parts(
         kept[:] = False
         kept[largest] = True
     return kept
+
+
+def scrap_area(surface: CleanSurface) -> float:
+    """Area of all scraps."""
+    scraps = np.bincount(surface.component) < SCRAP_FACES
+    return float(part_areas(surface)[scraps].sum())
 
 
 def part_areas(surface: CleanSurface) -> NDArray[np.float64]:

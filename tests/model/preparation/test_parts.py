@@ -50,6 +50,16 @@ def test_a_mesh_of_too_many_parts_is_refused() -> None:
     assert refusal.value.fault == "lost-in-simplification"
 
 
+def test_of_more_scraps_than_fit_those_with_most_area_stand_for_all() -> None:
+    leaf = Mesh([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [[0, 1, 2]])
+    small, large = placed(leaf, 10_000, 0.5), placed(leaf, 400, 1.0)
+    _, report = prepare(joined(small, large), BUDGET)
+    assert (report.faces_used, report.components, report.within_budget) == (BUDGET, 10_400, True)
+    area = 400 * 0.5 + 100 * 0.125
+    assert report.area_kept == pytest.approx(area / (400 * 0.5 + 10_000 * 0.125), abs=1e-3)
+    assert "of 10400 parts were dropped" in report.note
+
+
 def test_which_parts_stay_does_not_depend_on_the_order_of_faces() -> None:
     mesh = joined(torus(), placed(cube(), 30, 0.002), placed(cube(), 3, 0.5, seed=1))
     shuffled = Mesh(
