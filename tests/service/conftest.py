@@ -5,6 +5,7 @@ import signal
 import subprocess
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -52,18 +53,19 @@ class Service:
         return self.process.wait(30)
 
 
-@pytest.fixture(scope="session")
-def start(
-    model_file: Path, tmp_path_factory: pytest.TempPathFactory
-) -> Iterator[Callable[..., Service]]:
+Start = Callable[..., Service]
+
+
+@contextmanager
+def services(model_file: Path, logs: pytest.TempPathFactory) -> Iterator[Start]:
     """Starts services, each ready when it is returned, and ends what is left of them.
 
     Each has the small model first; `alone`, only those that its options name.
     """
     processes = []
 
-    def start_one(*options: str, alone: bool = False, **variables: str) -> Service:
-        log = tmp_path_factory.mktemp("service") / "log"
+    def start(*options: str, alone: bool = False, **variables: str) -> Service:
+        log = logs.mktemp("service") / "log"
         models = () if alone else ("--model", str(model_file))
         command = [PROGRAM, "serve", *models, "--port", "0", *options]
         with log.open("wb") as stream:
@@ -79,17 +81,27 @@ def start(
             time.sleep(0.05)
         raise AssertionError(f"the service does not start:\n{log.read_text()}")
 
-    yield start_one
-    for process in processes:
-        if process.poll() is None:
-            process.kill()
-            process.wait()
+    try:
+        yield start
+    finally:
+        for process in processes:
+            if process.poll() is None:
+                process.kill()
+                process.wait()
+
+
+@pytest.fixture(scope="module")
+def start(model_file: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Start]:
+    """`services` for a module's tests."""
+    with services(model_file, tmp_path_factory) as start:
+        yield start
 
 
 @pytest.fixture(scope="session")
-def service(start: Callable[..., Service]) -> Service:
+def service(model_file: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
     """One for all tests that leave it as it is; it takes bodies of up to LIMIT bytes."""
-    return start("--max-upload-bytes", str(LIMIT))
+    with services(model_file, tmp_path_factory) as start:
+        yield start("--max-upload-bytes", str(LIMIT))
 
 
 @pytest.fixture

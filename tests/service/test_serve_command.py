@@ -21,7 +21,7 @@ import pytest
 from meshconv3d.export.metadata import PREFIX
 from meshconv3d.service.http.server import CannotListen, listen
 from meshconv3d.service.settings import Settings
-from tests.commands import PROGRAM, meshconv3d
+from tests.commands import PROGRAM, meshconv3d, program
 from tests.processes import family, held, until, workers
 from tests.service.conftest import Service
 from tests.service.metrics import queue, value
@@ -160,7 +160,7 @@ def test_several_models_are_told_apart_by_name(
 
 
 def test_models_of_one_name_are_refused(model_file: Path) -> None:
-    done = meshconv3d("serve", "--port", 0, "--model", model_file, "--model", model_file)
+    done = program("serve", "--port", 0, "--model", model_file, "--model", model_file)
     assert done.returncode == 2
     assert "told apart by their names" in done.stderr
 
@@ -169,7 +169,7 @@ def test_a_damaged_model_beside_a_good_one_is_refused(model_file: Path, tmp_path
     path = tmp_path / "damaged.onnx"
     path.write_bytes(model_file.read_bytes()[:5000])
     variables = {"MESHCONV3D_MODELS": f"shrec11,{path}"}
-    done = meshconv3d("serve", "--port", 0, variables=variables)
+    done = program("serve", "--port", 0, variables=variables)
     assert done.returncode == 2
     assert str(path) in done.stderr
     assert "Traceback" not in done.stderr
@@ -201,13 +201,22 @@ def test_variables_set_what_flags_do_not(start: Callable[..., Service], model_fi
 
 
 @pytest.mark.parametrize(
-    ("name", "change", "says"),
+    ("command", "name", "change", "says"),
     [
-        ("probe", {"scores": [9.0, 9.0, 9.0]}, "model tiny scores the sample"),
-        ("config", {"patch_size": 9}, "model tiny cannot classify the sample"),
+        (
+            ["serve", "--port", 0],
+            "probe",
+            {"scores": [9.0, 9.0, 9.0]},
+            "model tiny scores the sample",
+        ),
+        (
+            ["classify", README],
+            "config",
+            {"patch_size": 9},
+            "model tiny cannot classify the sample",
+        ),
     ],
 )
-@pytest.mark.parametrize("command", [["serve", "--port", 0], ["classify", README]])
 def test_a_model_that_fails_its_self_test_answers_nothing(
     model_file: Path, tmp_path: Path, command: list, name: str, change: dict, says: str
 ) -> None:
@@ -216,7 +225,7 @@ def test_a_model_that_fails_its_self_test_answers_nothing(
     entry.value = json.dumps(json.loads(entry.value) | change)
     path = tmp_path / "other.onnx"
     path.write_bytes(graph.SerializeToString())
-    done = meshconv3d(*command, "--model", path)
+    done = program(*command, "--model", path)
     assert (done.returncode, done.stdout) == (2, "")
     assert says in done.stderr
     assert "Traceback" not in done.stderr
@@ -252,7 +261,6 @@ def test_bad_settings_are_refused_at_the_start(
     ("host", "words"),
     [
         ("127.0.0.1", "the port is taken; choose another with --port"),
-        ("192.0.2.1", "no address of this machine; --host takes"),
         ("no-such-host.invalid", "no host; --host takes"),
     ],
 )
@@ -260,7 +268,7 @@ def test_an_address_that_cannot_be_had_is_told(
     service: Service, model_file: Path, host: str, words: str
 ) -> None:
     port = service.url.rpartition(":")[2]
-    done = meshconv3d("serve", "--model", model_file, "--host", host, "--port", port)
+    done = program("serve", "--model", model_file, "--host", host, "--port", port)
     assert done.returncode == 2
     assert f"cannot listen at {host}, port {port}: " in done.stderr
     assert words in " ".join(done.stderr.split())

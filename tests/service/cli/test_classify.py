@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from meshconv3d.model.samples import sample_paths
-from tests.commands import PROGRAM, environment, meshconv3d
+from tests.commands import PROGRAM, environment, meshconv3d, program
 
 
 def lines(text: str) -> list[dict]:
@@ -20,7 +20,7 @@ def lines(text: str) -> list[dict]:
 def test_each_file_is_a_line_in_the_order_of_the_input(model_file: Path, meshes: Path) -> None:
     """Named files come as named, a folder's sorted and from below too; others are left out."""
     named = [meshes / "sheet.obj", meshes, meshes / "ring.obj"]
-    done = meshconv3d("classify", *named, "--model", model_file)
+    done = program("classify", *named, "--model", model_file)
     assert done.returncode == 1  # two of the folder cannot be used
     assert done.stderr == ""
     found = ["below/cube.OBJ", "cut.stl", "points.obj", "ring.obj", "sheet.obj"]

@@ -11,7 +11,7 @@ import pytest
 from playwright.sync_api import Browser, Locator, Page, Playwright, expect, sync_playwright
 
 from tests.meshes import torus
-from tests.service.conftest import LIMIT, Service
+from tests.service.conftest import LIMIT, Service, services
 
 # WebGL in software: machines that test have no graphics card.
 SOFTWARE = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
@@ -43,14 +43,14 @@ def browser(chromium: tuple[Playwright, str]) -> Iterator[Browser]:
 
 
 @pytest.fixture(scope="session")
-def site(start: Callable[..., Service], model_file: Path, learned_file: Path) -> Service:
+def site(
+    model_file: Path, learned_file: Path, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[Service]:
     """A service with three models; shrec11 is the default."""
     models = ("shrec11", str(model_file), str(learned_file))
-    return start(
-        *(word for model in models for word in ("--model", model)),
-        *("--workers", "1", "--max-upload-bytes", str(40 * LIMIT)),
-        alone=True,
-    )
+    options = [word for model in models for word in ("--model", model)]
+    with services(model_file, tmp_path_factory) as start:
+        yield start(*options, "--workers", "1", "--max-upload-bytes", str(40 * LIMIT), alone=True)
 
 
 @dataclass
