@@ -25,8 +25,8 @@ def sample() -> Mesh:
     return load_mesh(sample_paths()[SAMPLE])
 
 
-# Every form in which a mesh can be written here, and how trimesh does; the last word of its name is
-# the extension.
+# Every form in which a mesh can be written here, and what trimesh needs to do it; the last word of
+# its name is the extension.
 FORMS: dict[str, dict[str, Any]] = {
     "obj": {},
     "off": {},
@@ -37,14 +37,48 @@ FORMS: dict[str, dict[str, Any]] = {
     "gltf": {"embed_buffers": True},
     "glb": {},
     "3mf": {},
+    "amf": {},
+    "dae": {},
+    "usda": {},
 }
 
 
 def as_file(mesh: Mesh, form: str) -> bytes:
     """The bytes of a file in one of FORMS."""
+    if form in WRITERS:
+        return WRITERS[form](mesh).encode()
     options = {"file_type": form.split()[-1], **FORMS[form]}
     shape = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
     content = shape.export(**options)
     if isinstance(content, dict):  # a glTF file, with the pieces that it has not in itself: none
         content = content["model.gltf"]
     return content.encode() if isinstance(content, str) else content
+
+
+def _amf(mesh: Mesh) -> str:
+    points = "".join(
+        f"<vertex><coordinates><x>{x:.8g}</x><y>{y:.8g}</y><z>{z:.8g}</z></coordinates></vertex>\n"
+        for x, y, z in mesh.vertices.tolist()
+    )
+    triangles = "".join(
+        f"<triangle><v1>{a}</v1><v2>{b}</v2><v3>{c}</v3></triangle>\n"
+        for a, b, c in mesh.faces.tolist()
+    )
+    return (
+        '<?xml version="1.0" encoding="utf-8"?><amf unit="millimeter"><object id="0"><mesh>'
+        f"<vertices>{points}</vertices><volume>{triangles}</volume></mesh></object></amf>"
+    )
+
+
+def _usda(mesh: Mesh) -> str:
+    points = ", ".join(f"({x:.8g}, {y:.8g}, {z:.8g})" for x, y, z in mesh.vertices.tolist())
+    corners = ", ".join(map(str, mesh.faces.reshape(-1).tolist()))
+    counts = ", ".join(["3"] * len(mesh.faces))
+    return (
+        f'#usda 1.0\ndef Mesh "mesh"\n{{\nint[] faceVertexCounts = [{counts}]\n'
+        f"int[] faceVertexIndices = [{corners}]\npoint3f[] points = [{points}]\n}}\n"
+    )
+
+
+# Forms that trimesh does not write.
+WRITERS = {"amf": _amf, "usda": _usda}
