@@ -120,6 +120,13 @@ def _read_split(
     show_default=True,
     help="Share of each class's training meshes to validate on where DATA has no usable split val.",
 )
+@click.option(
+    "--learning-rate",
+    type=click.FloatRange(0, 1, min_open=True),
+    default=3e-3,
+    show_default=True,
+    help="The highest of the schedule; about a fifth of it to adapt a trained network (--from).",
+)
 @click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True)
 @click.option("--device", default="cpu", show_default=True, help="cpu, cuda, cuda:1, ...")
 @click.option("--threads", type=click.IntRange(1, 1024), help="CPU threads. [default: all]")
@@ -135,6 +142,7 @@ def train(
     copies: int,
     bend: float,
     hold_out: float,
+    learning_rate: float,
     seed: int,
     device: str,
     threads: int | None,
@@ -173,6 +181,7 @@ def train(
         seed=seed,
         epochs=epochs,
         batch_size=batch_size,
+        learning_rate=learning_rate,
         copies=copies,
         augmentation=Augmentation(bend=bend),
     )

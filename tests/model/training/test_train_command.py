@@ -47,13 +47,15 @@ def first(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_a_run_begins_with_the_network_of_another(first: Path, tmp_path: Path) -> None:
     data = write(tmp_path / "data", RINGS)
-    result = train(data, tmp_path / "run", "--from", first)
+    adapt = ("--from", first, "--learning-rate", 1e-4)
+    result = train(data, tmp_path / "run", *adapt)
     assert result.exit_code == 0, result.output
     before, after = load_checkpoint(first), load_checkpoint(tmp_path / "run" / "model.safetensors")
     assert after.network.config.channels == (8, 8, 8)
     assert after.network.config.classes == tuple(RINGS)
     assert after.training["from"] == before.training
-    assert "already finished" in train(data, tmp_path / "run", "--from", first).stderr
+    assert after.training["protocol"]["learning_rate"] == 1e-4
+    assert "already finished" in train(data, tmp_path / "run", *adapt).stderr
     other = train(data, tmp_path / "run", "--set", "channels=[8,8,8]")
     assert other.exit_code == 2
     assert "other settings or data" in other.stderr
