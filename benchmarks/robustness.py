@@ -19,7 +19,7 @@ from scipy.spatial import KDTree
 from benchmarks.baseline_methods.spectrum import Spectrum, log_spectrum
 from benchmarks.corruptions import FILES, SHAPES
 from meshconv3d.model.datasets import Sample, find_samples
-from meshconv3d.model.errors import MeshError
+from meshconv3d.model.errors import MeshError, UnusableMesh
 from meshconv3d.model.loading import load_mesh
 from meshconv3d.model.mesh import Mesh
 from meshconv3d.model.preparation import prepare
@@ -45,7 +45,11 @@ class NearestSpectrum:
         return labels[nearest]
 
     def _spectrum(self, mesh: Mesh) -> np.ndarray:
-        return log_spectrum(prepare(mesh, FACE_BUDGET)[0], Spectrum.count)
+        prepared, _ = prepare(mesh, FACE_BUDGET)
+        try:
+            return log_spectrum(prepared, Spectrum.count)
+        except ValueError:  # slivers: the Laplacian is not finite
+            raise UnusableMesh("no-spectrum", "its Laplacian is not finite") from None
 
     @cached_property
     def _known(self) -> tuple[KDTree, list[str]]:

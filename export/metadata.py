@@ -5,9 +5,9 @@ Reading it needs neither torch nor onnx.
 
 import json
 from collections.abc import Mapping
-from typing import Annotated, Any
+from typing import Any, Literal
 
-from pydantic import ConfigDict, Field, TypeAdapter, ValidationError, model_validator
+from pydantic import ConfigDict, TypeAdapter, ValidationError, model_validator
 from pydantic.dataclasses import dataclass
 
 from meshconv3d.model.calibration import Calibration
@@ -15,11 +15,8 @@ from meshconv3d.model.config import StoredConfig, in_one_line
 from meshconv3d.model.errors import Error
 
 PREFIX = "meshconv3d."
-FORMAT_VERSION = 3
-OLDEST_VERSION = 2
+FORMAT_VERSION: Literal[4] = 4
 NORMALISATION = "surface centroid at the origin, farthest vertex on the unit sphere"
-
-Version = Annotated[int, Field(ge=OLDEST_VERSION, le=FORMAT_VERSION)]
 
 
 class ModelFileError(Error):
@@ -54,7 +51,7 @@ class ModelCard:
     calibration: Calibration | None
     probe: Probe
     about: str
-    format_version: Version = FORMAT_VERSION
+    format_version: Literal[4] = FORMAT_VERSION
 
     @model_validator(mode="after")
     def _check(self) -> "ModelCard":
@@ -92,11 +89,12 @@ def read_card(properties: Mapping[str, str]) -> ModelCard:
             if name.startswith(PREFIX)
         }
         version = values["format_version"]
-        if isinstance(version, int) and not OLDEST_VERSION <= version <= FORMAT_VERSION:
+        if isinstance(version, int) and version != FORMAT_VERSION:
             # Checked first: another version's metadata may look damaged to this one.
-            remedy = "upgrade meshconv3d" if version > FORMAT_VERSION else "export it again"
+            newer = version > FORMAT_VERSION
+            remedy = "upgrade meshconv3d" if newer else "train and export the model again"
             raise ModelFileError(
-                f"the model file has format {version}, this version reads {OLDEST_VERSION} to "
+                f"the model file has format {version}, this version reads format "
                 f"{FORMAT_VERSION}: {remedy}"
             )
         preparation = values.pop("preparation", "missing: preparation")

@@ -111,7 +111,7 @@ def _dynamic_shapes(config: NetworkConfig) -> tuple:
     """Symbolic axes of each input; K is fixed."""
     if config.pooling == "learned":
         count = Dim("faces_0")
-        return {0: count}, ({0: 3 * count}, {0: 3 * count}, {0: Dim("batch_and_end")})
+        return {0: count}, ({0: count}, {0: 3 * count}, {0: Dim("batch_and_end")})
     faces = [Dim(f"faces_{level}") for level in range(config.levels + 1)]
     patches = [{0: faces[level]} for level in range(config.levels)]
     pools = [{0: faces[level + 1], 1: Dim(f"pool_width_{level}")} for level in range(config.levels)]

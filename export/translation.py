@@ -41,14 +41,14 @@ _POOL_FACES = _operator(
 
 
 @grow_patches.register_fake
-def _(twin: Tensor, lengths: Tensor, patch_size: int) -> Tensor:
-    return twin.new_empty(twin.shape[0] // 3, patch_size)
+def _(faces: Tensor, lengths: Tensor, patch_size: int) -> Tensor:
+    return faces.new_empty(faces.shape[0], patch_size)
 
 
 @pool_faces.register_fake
 def _(
     features: Tensor,
-    twin: Tensor,
+    faces: Tensor,
     lengths: Tensor,
     starts: Tensor,
     target: int,
@@ -56,12 +56,12 @@ def _(
     literal: int,
 ) -> tuple[Tensor, Tensor, Tensor, Tensor, Tensor]:
     context = torch.library.get_ctx()
-    faces, width = context.new_dynamic_size(min=1), context.new_dynamic_size(min=1)
+    count, width = context.new_dynamic_size(min=1), context.new_dynamic_size(min=1)
     return (
-        twin.new_empty(faces, width),
-        features.new_empty(faces, width),
-        twin.new_empty(3 * faces),
-        lengths.new_empty(3 * faces),
+        faces.new_empty(count, width),
+        features.new_empty(count, width),
+        faces.new_empty(count, 3),
+        lengths.new_empty(3 * count),
         torch.empty_like(starts),
     )
 
@@ -69,13 +69,13 @@ def _(
 # The types in these signatures tell the exporter which arguments are attributes.
 
 
-def _grow_patches(twin, lengths, patch_size: int):
-    return _GROW_PATCHES(twin, lengths, patch_size=patch_size)
+def _grow_patches(faces, lengths, patch_size: int):
+    return _GROW_PATCHES(faces, lengths, patch_size=patch_size)
 
 
 def _pool_faces(
     features,
-    twin,
+    faces,
     lengths,
     starts,
     target: int,
@@ -84,7 +84,7 @@ def _pool_faces(
 ):
     return _POOL_FACES(
         features,
-        twin,
+        faces,
         lengths,
         starts,
         target=target,

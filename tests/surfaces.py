@@ -7,6 +7,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from meshconv3d.model.mesh import Mesh
+from meshconv3d.model.preparation.cleaning import split_vertices
+from meshconv3d.model.topology.halfedges import find_twins
 from tests.meshes import torus
 
 TETRAHEDRON = [(0, 1, 2), (0, 2, 3), (0, 3, 1), (1, 3, 2)]
@@ -40,11 +42,11 @@ def closed_surface(
     for _ in range(handles):
         faces = _connected_sum(faces, [tuple(face) for face in torus(3, 3).faces.tolist()])
     vertex_count = max(max(face) for face in faces) + 1
-    owner = {edge: i for i, face in enumerate(faces) for edge in _sides(face)}
+    owner = {edge: i for i, face in enumerate(faces) for edge in sides_of(face)}
 
     def put(i: int, face: tuple[int, int, int]) -> None:
         faces[i : i + 1] = [face]
-        owner.update(dict.fromkeys(_sides(face), i))
+        owner.update(dict.fromkeys(sides_of(face), i))
 
     while len(faces) < face_count:
         i = int(rng.integers(len(faces)))
@@ -65,7 +67,7 @@ def closed_surface(
     return np.array(faces, np.int32)
 
 
-def _sides(face: tuple[int, ...]) -> list[tuple[int, int]]:
+def sides_of(face: tuple[int, ...]) -> list[tuple[int, int]]:
     a, b, c = face
     return [(a, b), (b, c), (c, a)]
 
@@ -90,6 +92,12 @@ def _without_some(rng: np.random.Generator, faces: NDArray[np.int32]) -> NDArray
     kept = rng.random(len(faces)) < rng.uniform(0.5, 1)
     kept[rng.integers(len(faces))] = True
     return faces[kept]
+
+
+def _one_fan_each(faces: NDArray[np.int32]) -> NDArray[np.int32]:
+    """The faces with a vertex of its own for every fan: surfaces that touch in a corner part."""
+    twin, _, _ = find_twins(faces.astype(np.int32), int(faces.max()) + 1)
+    return split_vertices(np.zeros((faces.max() + 1, 3)), faces, twin)[1]
 
 
 def _any_triples(rng: np.random.Generator, face_count: int) -> NDArray[np.int32]:
@@ -129,6 +137,8 @@ def triangles(draw: st.DrawFn, kinds: tuple[str, ...] = EVERY_KIND, most: int = 
         faces = _side_by_side(parts)
     else:
         faces = _any_triples(rng, size)
+    if kind != "non-manifold":
+        faces = _one_fan_each(faces)
     used, corners = np.unique(faces, return_inverse=True)
     faces = rng.permutation(len(used))[corners].reshape(faces.shape)[rng.permutation(len(faces))]
     turns = rng.integers(0, 3, (len(faces), 1))

@@ -14,8 +14,10 @@ from meshconv3d.model.config import StoredConfig, in_one_line
 from meshconv3d.model.files import write_whole
 from meshconv3d.model.nn.network import Network
 
-FORMAT_VERSION = 3
+FORMAT_VERSION = 4
 OLDEST_VERSION = 2
+# Since this version, pooling keeps the topology of a surface.
+SAME_POOLING = 4
 
 
 class CheckpointError(ValueError):
@@ -53,7 +55,11 @@ def save_checkpoint(checkpoint: Checkpoint, path: Path) -> None:
 
 
 def load_checkpoint(path: Path) -> Checkpoint:
-    """The network, in evaluation mode, on the CPU. Raises CheckpointError, FileNotFoundError."""
+    """The network, in evaluation mode, on the CPU. Raises CheckpointError, FileNotFoundError.
+
+    One that was trained with another pooling comes without calibration and accuracy, which do not
+    hold for it now; it is good to begin with (`meshconv3d train --from`).
+    """
     tensors, entries = load_tensors(path)
     version = entries.get("format_version", "")
     if version.isdecimal() and not OLDEST_VERSION <= int(version) <= FORMAT_VERSION:
@@ -78,6 +84,9 @@ def load_checkpoint(path: Path) -> Checkpoint:
             f"{path} is not a meshconv3d checkpoint, such as training writes as model.safetensors: "
             f"{reason}"
         ) from None
+    if metadata.format_version < SAME_POOLING:
+        metadata.training.pop("accuracy", None)
+        return Checkpoint(network.eval(), None, metadata.training)
     return Checkpoint(network.eval(), metadata.calibration, metadata.training)
 
 

@@ -19,8 +19,8 @@ from meshconv3d.model.topology import batch as kernels
 def first_level(config: NetworkConfig, inputs: Sequence[Tensor]) -> "Level":
     """Level 0 from the network's inputs after the terms, in the order of `input_names`."""
     if config.pooling == "learned":
-        twin, lengths, starts = inputs
-        return LearnedLevel(config, 0, twin, lengths, starts)
+        faces, lengths, starts = inputs
+        return LearnedLevel(config, 0, faces, lengths, starts)
     count = config.levels
     return GeometricLevel(inputs[:count], inputs[count:-1], inputs[-1])
 
@@ -51,24 +51,24 @@ class GeometricLevel:
 class LearnedLevel:
     """A level with the methods of `GeometricLevel`, from its surface and the features.
 
-    twin, 3 N int32; lengths, 3 N float64; starts, B + 1 int32: a `SurfaceBatch`.
+    faces, N x 3 int32; lengths, 3 N float64; starts, B + 1 int32: a `SurfaceBatch`.
     """
 
     config: NetworkConfig
     number: int
-    twin: Tensor
+    faces: Tensor
     lengths: Tensor
     starts: Tensor
 
     def patches(self) -> Tensor:
-        return grow_patches(self.twin, self.lengths, self.config.patch_size)
+        return grow_patches(self.faces, self.lengths, self.config.patch_size)
 
     def pool(self, features: Tensor) -> tuple[Tensor, "LearnedLevel"]:
         options = self.config.topology_options
         # The choice of the collapsed faces has no gradient; the mean that replaces them has one.
-        index, shares, twin, lengths, starts = pool_faces(
+        index, shares, faces, lengths, starts = pool_faces(
             features.detach(),
-            self.twin,
+            self.faces,
             self.lengths,
             self.starts,
             self.config.targets[self.number],
@@ -77,7 +77,7 @@ class LearnedLevel:
         )
         pooled = (gather_rows(features, index) * shares[:, :, None]).sum(dim=1)
         number = self.number + 1
-        return pooled, replace(self, number=number, twin=twin, lengths=lengths, starts=starts)
+        return pooled, replace(self, number=number, faces=faces, lengths=lengths, starts=starts)
 
     def readout(self) -> Tensor:
         first, counts = self.starts[:-1, None], self.starts.diff()[:, None]
@@ -91,16 +91,18 @@ Level = GeometricLevel | LearnedLevel
 
 
 @torch.library.custom_op("meshconv3d::grow_patches", mutates_args=())
-def grow_patches(twin: Tensor, lengths: Tensor, patch_size: int) -> Tensor:
+def grow_patches(faces: Tensor, lengths: Tensor, patch_size: int) -> Tensor:
     """`model.topology.batch.grow_patches` on tensors."""
-    patches = kernels.grow_patches(twin.cpu().numpy(), lengths.cpu().numpy(), patch_size=patch_size)
-    return torch.from_numpy(patches).to(twin.device)
+    patches = kernels.grow_patches(
+        faces.cpu().numpy(), lengths.cpu().numpy(), patch_size=patch_size
+    )
+    return torch.from_numpy(patches).to(faces.device)
 
 
 @torch.library.custom_op("meshconv3d::pool_faces", mutates_args=())
 def pool_faces(
     features: Tensor,
-    twin: Tensor,
+    faces: Tensor,
     lengths: Tensor,
     starts: Tensor,
     target: int,
@@ -110,12 +112,14 @@ def pool_faces(
     """`model.topology.batch.pool_faces` on tensors."""
     pooled = kernels.pool_faces(
         features.contiguous().cpu().numpy(),
-        twin.cpu().numpy(),
+        faces.cpu().numpy(),
         lengths.cpu().numpy(),
         starts.cpu().numpy(),
         target=target,
         squared_norm=squared_norm,
         literal=literal,
     )
-    index, shares, twin, lengths, starts = (torch.from_numpy(a).to(features.device) for a in pooled)
-    return index, shares, twin, lengths, starts
+    index, shares, faces, lengths, starts = (
+        torch.from_numpy(a).to(features.device) for a in pooled
+    )
+    return index, shares, faces, lengths, starts

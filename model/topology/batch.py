@@ -9,7 +9,7 @@ of these names. They take arrays, and integers as attributes, as ONNX has them.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import accumulate, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,7 @@ from meshconv3d.model.topology.surface import Surface, TopologyOptions
 class SurfaceBatch:
     """The surfaces of a batch at one pooling level, as one surface of many components.
 
-    joint: twins count the half-edges of the whole batch. starts: B + 1 int32.
+    joint: no two meshes have a vertex in common. starts: B + 1 int32.
     """
 
     joint: Surface
@@ -31,18 +31,18 @@ class SurfaceBatch:
     def of(cls, surfaces: Sequence[Surface]) -> "SurfaceBatch":
         """The surfaces, joined in their order."""
         starts = np.cumsum([0, *(surface.face_count for surface in surfaces)], dtype=np.int32)
-        twin = np.concatenate([surface.twin for surface in surfaces])
-        first = np.repeat(3 * starts[:-1], 3 * np.diff(starts))
-        twin = np.where(twin < 0, twin, twin + first)
-        return cls(Surface(twin, np.concatenate([s.lengths for s in surfaces])), starts)
+        corners = accumulate((int(s.faces.max()) + 1 for s in surfaces), initial=0)
+        faces = [s.faces + np.int32(first) for s, first in zip(surfaces, corners, strict=False)]
+        lengths = np.concatenate([surface.lengths for surface in surfaces])
+        return cls(Surface.over(np.concatenate(faces), lengths), starts)
 
     def surfaces(self) -> list[Surface]:
         """The surface of each mesh by itself."""
         pieces = []
-        for start, end in zip(3 * self.starts[:-1], 3 * self.starts[1:], strict=True):
-            twin = self.joint.twin[start:end]
-            twin = np.where(twin < 0, twin, twin - start)
-            pieces.append(Surface(twin, self.joint.lengths[start:end]))
+        for start, end in pairwise(self.starts):
+            faces = self.joint.faces[start:end]
+            lengths = self.joint.lengths[3 * start : 3 * end]
+            pieces.append(Surface.over(faces - faces.min(), lengths))
         return pieces
 
     def pool(
@@ -85,18 +85,18 @@ def join_indices(
 
 
 def grow_patches(
-    twin: NDArray[np.int32], lengths: NDArray[np.float64], *, patch_size: int
+    faces: NDArray[np.int32], lengths: NDArray[np.float64], *, patch_size: int
 ) -> NDArray[np.int32]:
     """Patches of every face of a batch, N x K int32 of face + 1.
 
-    twin, 3 N; lengths, 3 N: see `Surface`; twins count the half-edges of the whole batch.
+    faces, N x 3; lengths, 3 N: see `Surface`; no two meshes of the batch have a vertex in common.
     """
-    return Surface(twin, lengths).patches(patch_size)
+    return Surface.over(faces, lengths).patches(patch_size)
 
 
 def pool_faces(
     features: NDArray[np.float32],
-    twin: NDArray[np.int32],
+    faces: NDArray[np.int32],
     lengths: NDArray[np.float64],
     starts: NDArray[np.int32],
     *,
@@ -112,11 +112,11 @@ def pool_faces(
 ]:
     """Collapse every mesh of a batch to `target` faces by features, N x C.
 
-    starts: B + 1, where each mesh's faces begin. Returns (index, shares, twin, lengths, starts):
+    starts: B + 1, where each mesh's faces begin. Returns (index, shares, faces, lengths, starts):
     the pooling index, N' x W int32 of face + 1; the share of each gathered face in the pooled
     one, N' x W float32; and the pooled batch.
     """
     options = TopologyOptions(squared_norm=bool(squared_norm), literal=bool(literal))
-    batch = SurfaceBatch(Surface(twin, lengths), starts)
+    batch = SurfaceBatch(Surface.over(faces, lengths), starts)
     pooled, index, shares = batch.pool(features, target, options)
-    return index, shares, pooled.joint.twin, pooled.joint.lengths, pooled.starts
+    return index, shares, pooled.joint.faces, pooled.joint.lengths, pooled.starts

@@ -63,7 +63,7 @@ def terms_of(
 def input_names(config: NetworkConfig) -> list[str]:
     """Names of the network's inputs, in order; `collate` says what they are."""
     if config.pooling == "learned":
-        return ["terms", "twin", "lengths", "starts"]
+        return ["terms", "faces", "lengths", "starts"]
     return [
         "terms",
         *(f"patches_{level}" for level in range(config.levels)),
@@ -79,8 +79,8 @@ def collate(batch: Sequence[MeshInputs]) -> dict[str, NDArray]:
     N_(l+1) x W_l int32, W_l the widest of the batch. readout: B x R int32, the faces of each mesh
     at the last level. Indices are row + 1 in the batch's own tables and 0 for the null face.
 
-    Under learned pooling the surface itself, as `SurfaceBatch` has it: twin, 3 N_0 int32;
-    lengths, 3 N_0 float64; starts, B + 1 int32.
+    Under learned pooling the surface itself, as `SurfaceBatch` has it: faces, N_0 x 3
+    int32; lengths, 3 N_0 float64; starts, B + 1 int32.
     """
     terms = np.concatenate([inputs.terms for inputs in batch])
     topologies = [inputs.topology for inputs in batch if inputs.topology is not None]
@@ -88,7 +88,12 @@ def collate(batch: Sequence[MeshInputs]) -> dict[str, NDArray]:
         return {"terms": terms, **_join_topologies(topologies)}
     surfaces = SurfaceBatch.of([inputs.surface for inputs in batch])
     joint = surfaces.joint
-    return {"terms": terms, "twin": joint.twin, "lengths": joint.lengths, "starts": surfaces.starts}
+    return {
+        "terms": terms,
+        "faces": joint.faces,
+        "lengths": joint.lengths,
+        "starts": surfaces.starts,
+    }
 
 
 def _join_topologies(batch: Sequence[Topology]) -> dict[str, NDArray[np.int32]]:

@@ -31,22 +31,29 @@ DEFAULT_OPTIONS = TopologyOptions()
 class Surface:
     """Connectivity and side lengths of the faces of one pooling level.
 
-    twin: H int32, the half-edge across each edge or -1. lengths: H float64, in mesh units; a
-    pooled face keeps the side lengths that it had in the prepared mesh.
+    faces: F x 3 int32, their corners, in one orientation. twin: H int32, the half-edge across each
+    edge or -1. lengths: H float64, in mesh units; a pooled face keeps the side lengths that it had
+    in the prepared mesh.
     """
 
+    faces: NDArray[np.int32]
     twin: NDArray[np.int32]
     lengths: NDArray[np.float64]
 
     @classmethod
     def of(cls, mesh: Mesh) -> "Surface":
-        """The surface of a mesh whose faces are neither degenerate nor duplicate."""
-        twin, _, _ = find_twins(mesh.faces, len(mesh.vertices))
-        return cls(twin, edge_lengths(mesh.vertices, mesh.faces))
+        """The surface of a prepared mesh."""
+        return cls.over(mesh.faces, edge_lengths(mesh.vertices, mesh.faces))
+
+    @classmethod
+    def over(cls, faces: NDArray[np.int32], lengths: NDArray[np.float64]) -> "Surface":
+        """The surface of manifold faces, none of them degenerate or twice."""
+        twin, _, _ = find_twins(faces, int(faces.max()) + 1)
+        return cls(faces, twin, lengths)
 
     @property
     def face_count(self) -> int:
-        return len(self.twin) // 3
+        return len(self.faces)
 
     def patches(self, patch_size: int) -> NDArray[np.int32]:
         """F x K int32 of face + 1; see `grow_patches`."""
@@ -60,11 +67,11 @@ class Surface:
         Returns the pooled surface, its index, F' x W int32 of face + 1, and the shares, F' x W
         float64, of the gathered faces; see `pool_faces`.
         """
-        kept, twin, index, shares = pool_faces(
-            self.twin, features, target, options.squared_norm, options.literal
+        kept, faces, twin, index, shares = pool_faces(
+            self.faces, self.twin, features, target, options.squared_norm, options.literal
         )
         lengths = self.lengths.reshape(-1, 3).take(kept, axis=0).reshape(-1)
-        return Surface(twin, lengths), index, shares
+        return Surface(faces, twin, lengths), index, shares
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +79,8 @@ class Topology:
     """The indices of every level of one mesh.
 
     patches: L arrays, F_l x K int32. pools: L arrays, F_(l+1) x W_l int32, from level l to
-    level l + 1. Entries are face + 1 within their level; 0 is the null face.
+    level l + 1. Entries are face + 1 within their level; 0 is the null face. A row of a pool may
+    name a face more than once: it counts as often.
     """
 
     patches: tuple[NDArray[np.int32], ...]

@@ -59,11 +59,10 @@ def test_a_newer_version_is_told_whatever_else_it_holds() -> None:
         read_card(properties)
 
 
-def test_format_version_2_is_read() -> None:
-    settings = {"classes": ["a", "b", "c"], "patch_padding": "null", "surroundings": True}
-    old = {PREFIX + "format_version": "2", PREFIX + "config": json.dumps(settings)}
-    card = read_card(CARD.to_properties() | old)
-    assert card.config == NetworkConfig(classes=("a", "b", "c"), integral_invariants=True)
+def test_an_older_version_is_refused_since_pooling_was_another() -> None:
+    properties = CARD.to_properties() | {PREFIX + "format_version": "3"}
+    with pytest.raises(ModelFileError, match=r"format 3, .* format 4: train and export"):
+        read_card(properties)
 
 
 @pytest.mark.parametrize("missing", [name for name in CARD.to_dict() if name != "format_version"])

@@ -55,7 +55,7 @@ def test_a_pooled_face_shares_among_those_that_it_gathered() -> None:
         twin[3 * f + 1], twin[3 * f + 3] = 3 * f + 3, 3 * f + 1
     pool = np.array([[1, 2, 0], [3, 4, 5]], np.int32)
     topology = Topology((np.zeros((6, 1), np.int32),), (pool,))
-    surface = Surface(twin, np.ones(18))
+    surface = Surface(np.zeros((6, 3), np.int32), twin, np.ones(18))
     shares = contributions(np.array([4.0, 12.0]), topology, surface)
     # The sixth has half of what its only neighbour had.
     assert shares == pytest.approx([1, 1, 2, 2, 1, 1])

@@ -161,6 +161,15 @@ def test_the_calibration_comes_back(saved):
     assert load_checkpoint(saved).calibration == CALIBRATION
 
 
+def test_what_was_measured_with_another_pooling_is_left_out(config, tmp_path):
+    path = tmp_path / "model.safetensors"
+    training = {"data": {"name": "shapes"}, "accuracy": {"test": 1.0}}
+    save_checkpoint(Checkpoint(untrained(config), CALIBRATION, training), path)
+    older = load_checkpoint(resaved(path, format_version="3"))
+    assert older.calibration is None
+    assert older.training == {"data": {"name": "shapes"}}
+
+
 def test_format_version_2_is_read(tmp_path):
     config = replace(WIDER, channels=(4, 4, 4))
     path = tmp_path / "model.safetensors"

@@ -22,6 +22,7 @@ def features_of(seed: int = 0) -> np.ndarray:
 
 def test_what_was_joined_comes_apart_again() -> None:
     for before, after in zip(SURFACES, SurfaceBatch.of(SURFACES).surfaces(), strict=True):
+        assert (before.faces == after.faces).all()
         assert (before.twin == after.twin).all()
         assert (before.lengths == after.lengths).all()
 
@@ -40,9 +41,9 @@ def test_no_twin_crosses_from_mesh_to_mesh() -> None:
 )
 def test_a_batch_pools_each_mesh_as_alone(target: int, options: TopologyOptions) -> None:
     features = features_of()
-    index, shares, twin, lengths, starts = pool_faces(
+    index, shares, faces, lengths, starts = pool_faces(
         features,
-        SurfaceBatch.of(SURFACES).joint.twin,
+        SurfaceBatch.of(SURFACES).joint.faces,
         SurfaceBatch.of(SURFACES).joint.lengths,
         STARTS.astype(np.int32),
         target=target,
@@ -58,7 +59,7 @@ def test_a_batch_pools_each_mesh_as_alone(target: int, options: TopologyOptions)
     assert shares.sum(axis=1) == pytest.approx(1)
     for row, (_, _, expected) in zip(np.split(shares, starts[1:-1]), alone, strict=True):
         assert row[:, : expected.shape[1]] == pytest.approx(expected)
-    pooled = SurfaceBatch(Surface(twin, lengths), starts).surfaces()
+    pooled = SurfaceBatch(Surface.over(faces, lengths), starts).surfaces()
     for (expected, _, _), found in zip(alone, pooled, strict=True):
         assert (expected.twin == found.twin).all()
         assert (expected.lengths == found.lengths).all()
@@ -66,7 +67,7 @@ def test_a_batch_pools_each_mesh_as_alone(target: int, options: TopologyOptions)
 
 def test_a_batch_grows_the_patches_of_each_mesh() -> None:
     joint = SurfaceBatch.of(SURFACES).joint
-    patches = grow_patches(joint.twin, joint.lengths, patch_size=14)
+    patches = grow_patches(joint.faces, joint.lengths, patch_size=14)
     alone = [surface.patches(14) for surface in SURFACES]
     assert (patches == join_indices(alone, STARTS[:-1])).all()
     # The cube has twelve faces, so that two are missing.

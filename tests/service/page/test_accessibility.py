@@ -89,12 +89,12 @@ def test_the_skip_link_leads_to_the_result(visitor: Visitor) -> None:
 
 
 def test_what_happens_is_announced(visitor: Visitor) -> None:
-    visitor.give(SAMPLES["snake"])
-    expect(visitor.at("#status")).to_contain_text("snake.3mf: snake, 99.6")
-    expect(visitor.at("#view")).to_have_attribute("aria-label", "snake.3mf in 3D, in grey")
-    visitor.explain("snake")
-    expect(visitor.at("#status")).to_have_text("The surface shows the evidence for snake")
-    label = "snake.3mf in 3D, evidence for snake in colours"
+    visitor.give(SAMPLES["hand"])
+    expect(visitor.at("#status")).to_contain_text("hand.stl: hand, ")
+    expect(visitor.at("#view")).to_have_attribute("aria-label", "hand.stl in 3D, in grey")
+    visitor.explain("hand")
+    expect(visitor.at("#status")).to_have_text("The surface shows the evidence for hand")
+    label = "hand.stl in 3D, evidence for hand in colours"
     expect(visitor.at("#view")).to_have_attribute("aria-label", label)
 
 
