@@ -20,7 +20,7 @@ from meshconv3d.model.topology.geometry import (
     face_geometry,
     surface_centroid,
 )
-from meshconv3d.model.topology.halfedges import find_twins
+from meshconv3d.model.topology.halfedges import counting_sort, find_twins
 
 # The welding grid divides each axis of the unit box into 2^20 steps, 1e-6 of the mesh's size:
 # coarser than the rounding of float32 coordinates, finer than any edge worth keeping. Coordinates
@@ -72,7 +72,7 @@ def clean(mesh: Mesh) -> CleanSurface:
             f"none of the {len(mesh.faces)} faces has an area: all are lines or "
             "points; export the surface, in units in which it does not vanish",
         )
-    faces, winding, duplicates = merge_duplicates(faces)
+    faces, winding, duplicates = merge_duplicates(faces, len(vertices))
     touching, _, nonmanifold = find_twins(faces, len(vertices), False)
     walls = 0
     if nonmanifold:
@@ -173,22 +173,38 @@ def drop_unused(
     return vertices[named], (np.cumsum(named) - 1)[faces].astype(np.int32)
 
 
+@kernel
 def merge_duplicates(
-    faces: NDArray[np.int32],
+    faces: NDArray[np.int32], vertex_count: int
 ) -> tuple[NDArray[np.int32], NDArray[np.int8], int]:
     """One face for those over the same three vertices.
 
     Returns (faces, winding, dropped): faces with ascending corners, in ascending order; winding,
     F int8, whether the file wound them so (1), the other way (-1), or as often both (0).
     """
-    ascending = np.sort(faces, axis=1)
-    order = np.lexsort(ascending.T[::-1])
-    ascending = ascending[order]
-    first = np.append(True, (ascending[1:] != ascending[:-1]).any(axis=1))
-    # A triangle is wound as its sorted corners if it runs upwards over two of its three sides.
-    upwards = (faces < np.roll(faces, -1, axis=1)).sum(axis=1) == 2
-    votes = np.add.reduceat(np.where(upwards[order], 1, -1), np.flatnonzero(first))
-    return ascending[first], np.sign(votes).astype(np.int8), len(faces) - int(first.sum())
+    corners = np.empty((3, len(faces)), np.int32)
+    upwards = np.empty(len(faces), np.int8)
+    for f in range(len(faces)):
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        low, high = min(a, b, c), max(a, b, c)
+        corners[0, f], corners[1, f], corners[2, f] = low, a + b + c - low - high, high
+        # A triangle is wound as its sorted corners if it runs upwards over two of its sides.
+        upwards[f] = 1 if (a < b) + (b < c) + (c < a) == 2 else -1
+    order = np.arange(len(faces)).astype(np.int32)
+    for corner in (2, 1, 0):
+        order = counting_sort(order, corners[corner], vertex_count)
+    merged = np.empty_like(faces)
+    votes = np.zeros(len(faces), np.int64)
+    count = 0
+    for f in order:
+        same = count > 0
+        for k in range(3):
+            same = same and corners[k, f] == merged[count - 1, k]
+        if not same:
+            merged[count] = corners[:, f]
+            count += 1
+        votes[count - 1] += upwards[f]
+    return merged[:count].copy(), np.sign(votes[:count]).astype(np.int8), len(faces) - count
 
 
 def split_vertices(

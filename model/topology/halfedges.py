@@ -72,14 +72,15 @@ def sort_edges(
             if not degenerate:
                 valid[count] = 3 * f + s
                 count += 1
-    by_high = _counting_sort(valid[:count], high, vertex_count)
-    return _counting_sort(by_high, low, vertex_count), low, high
+    by_high = counting_sort(valid[:count], high, vertex_count)
+    return counting_sort(by_high, low, vertex_count), low, high
 
 
 @kernel
-def _counting_sort(
+def counting_sort(
     ids: NDArray[np.int32], keys: NDArray[np.int32], key_count: int
 ) -> NDArray[np.int32]:
+    """Sort ids by their keys, which are in [0, key_count); ids of one key keep their order."""
     # How many ids have a key; then, where the next of them goes.
     places = np.zeros(key_count, np.uint32)
     for i in ids:
