@@ -21,7 +21,7 @@ import meshconv3d
 
 shrec11 = meshconv3d.load("shrec11")
 result = shrec11.classify("model/samples/hand.stl")
-print(result.label, round(result.probability, 2), result.unknown)  # hand 0.99 False
+print(result.label, round(result.probability, 2), result.unknown)  # hand 1.0 False
 print(result.top(2)[1].name)  # pliers
 
 mesh = trimesh.load_mesh("model/samples/hand.stl")

@@ -50,7 +50,7 @@ def _check(vertices: NDArray, faces: NDArray) -> None:
             f"the file holds no triangles ({len(vertices)} points): "
             "point clouds, curves and empty scenes cannot be classified; export a surface mesh",
         )
-    if faces.ndim != 2 or faces.shape[1] != 3 or not np.issubdtype(faces.dtype, np.integer):
+    if faces.ndim != 2 or faces.shape[1] != 3 or faces.dtype.kind not in "iu":
         raise UnusableMesh(
             "bad-faces",
             f"faces must be an array of F x 3 integers, got {faces.dtype} {faces.shape}",

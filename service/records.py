@@ -1,7 +1,5 @@
 """Public records: the JSON of the command line and of HTTP, made of results at the edge."""
 
-import os
-
 from pydantic import AliasChoices, BaseModel, Field
 
 from meshconv3d.model.preparation import MeshReport
@@ -83,4 +81,5 @@ def to_json(record: BaseModel) -> bytes:
 
 def readable(file: str) -> str:
     """A file name as text; bytes that are not UTF-8, which JSON cannot hold, are replaced."""
-    return os.fsencode(file).decode(errors="replace")
+    # Of an archive's member, too, whose name the file system's encoding may lack.
+    return file.encode(errors="surrogateescape").decode(errors="replace")

@@ -89,11 +89,13 @@ def test_the_repr_is_for_people(shrec11: meshconv3d.Classifier) -> None:
     ("mesh", "fault"),
     [
         ("nothing.stl", "unreadable"),
+        ("no\0path.stl", "unreadable"),
         (b"nothing", "unknown-format"),
         (([[0, 0, 0], [1, 0, 0]], [[0, 1, 2]]), "index-out-of-range"),
         (([[0, 0, 0], [1, 0]], [[0, 1, 2]]), "no-mesh"),
         ((np.zeros((4, 2)), [[0, 1, 2]]), "bad-vertices"),
         ((np.eye(3), [[0, 1, 2, 0]]), "bad-faces"),
+        ((np.eye(3), np.array([[0, 1, 2]], "m8[s]")), "bad-faces"),
         (trimesh.PointCloud([[0.0, 0.0, 0.0]]), "no-faces"),
         (trimesh.Scene(), "no-faces"),
         ([HAND, HAND, HAND], "no-mesh"),

@@ -1,5 +1,6 @@
 """From a path or bytes to a Mesh."""
 
+import errno
 import os
 from collections import Counter
 from collections.abc import Mapping
@@ -62,7 +63,10 @@ def load_mesh(
         data = bytes(source)
     else:
         path = Path(source)
-        data = path.read_bytes()
+        try:
+            data = path.read_bytes()
+        except ValueError as error:
+            raise OSError(errno.EINVAL, "this is no path") from error
         name = path.suffix if name is None else name
         if pieces is None:
             pieces = find_pieces(data, partial(read_beside, path, limits), limits)

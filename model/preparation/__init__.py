@@ -125,7 +125,7 @@ def prepare_placed(mesh: Mesh, face_budget: int) -> tuple[Mesh, MeshReport, Plac
         raise UnusableMesh(
             "lost-in-simplification",
             f"simplifying {len(mesh.faces)} faces to {face_budget} changed the surface area to "
-            f"{shape_kept:.0%}: the shape is too intricate (foliage, hair, many loose parts); "
+            f"{shape_kept:.0%}: the shape is too intricate (folds, hair, many loose parts); "
             "export a simpler version of the mesh",
         )
     if len(faces) > MOST_BUDGETS * face_budget:

@@ -189,17 +189,18 @@ async def read_uploads(request: Request, settings: Settings) -> list[Upload]:
     return uploads
 
 
-def _expanded(uploads: Sequence[Upload], most: int, room: int) -> list[Upload]:
+def _expanded(uploads: Sequence[Upload], most: int, total: int) -> list[Upload]:
     """The meshes among uploads: with their pieces, and out of ZIP archives.
 
-    most: meshes; room: bytes that archives may unpack to together. Raises RequestError.
+    most: meshes; total: bytes that archives may unpack to together. Raises RequestError.
     """
+    room = total
     beside = _Beside(uploads)
     complete = [_with_pieces(upload, beside.of(upload)) for upload in uploads]
     meshes: list[Upload] = []
     for number, upload in enumerate(complete):
         if has_mesh_name(upload.name or "") or number not in beside.taken:
-            found = _unpacked(upload, most - len(meshes), room)
+            found = _unpacked(upload, most - len(meshes), room, total)
             room -= sum(mesh.size for mesh in found if mesh is not upload)
             meshes += found
     if len(meshes) > most:
@@ -207,9 +208,12 @@ def _expanded(uploads: Sequence[Upload], most: int, room: int) -> list[Upload]:
     return meshes
 
 
-def _unpacked(upload: Upload, most: int, room: int) -> list[Upload]:
+def _unpacked(upload: Upload, most: int, room: int, total: int) -> list[Upload]:
     """The meshes in an upload that is a ZIP archive; others, and those that are damaged, as they
-    are. Raises RequestError."""
+    are.
+
+    room: bytes that are left of the total that all archives may unpack to. Raises RequestError.
+    """
     if not is_archive(upload.content, upload.declared):
         return [upload]
     bounds = replace(LIMITS, unpacked_bytes=room, piece_bytes=room)
@@ -229,8 +233,8 @@ def _unpacked(upload: Upload, most: int, room: int) -> list[Upload]:
         except MeshError as error:
             found.append(replace(mesh, error=error))
         if max(declared, sum(mesh.size for mesh in found)) > room:
-            detail = f"the archives unpack to more than {room} bytes of meshes; split them up"
-            raise RequestError(413, "body-too-large", detail, room)
+            detail = f"the archives unpack to more than {total} bytes of meshes; split them up"
+            raise RequestError(413, "body-too-large", detail, total)
     return found or [upload]
 
 

@@ -11,7 +11,7 @@ from meshconv3d.model.errors import UnusableMesh
 from meshconv3d.model.samples import sample_paths
 from meshconv3d.service.classifier import Classifier
 from meshconv3d.service.prediction import Failure, Prediction
-from meshconv3d.service.records import answer, record, to_json
+from meshconv3d.service.records import answer, readable, record, to_json
 
 
 @pytest.fixture(scope="module")
@@ -67,3 +67,10 @@ def test_a_file_that_cannot_be_opened_is_a_refusal() -> None:
     failure = Failure.of(error)
     assert failure.fault == "unreadable"
     assert failure.message == f"cannot be opened: {os.strerror(errno.EACCES)}"
+
+
+def test_names_become_text_whatever_the_file_system_writes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An archive's member may be called what the file system's encoding lacks."""
+    monkeypatch.setattr(os, "fsencode", lambda name: name.encode("ascii", "surrogateescape"))
+    assert readable("a.zip/\u00fcn\u00ef.ply") == "a.zip/\u00fcn\u00ef.ply"
+    assert readable("\udcff.obj") == "\ufffd.obj"
