@@ -2,6 +2,7 @@
 
 import pickle
 import socket
+from unittest.mock import MagicMock
 
 import pytest
 
@@ -23,6 +24,10 @@ def test_a_worker_whose_service_is_gone_ends_without_an_error(
             ours.close()
         return {}
 
+    # Nothing that would outlast the test in this process.
+    monkeypatch.setattr(tasks.signal, "signal", lambda *_: None)
+    for name in ("limit_memory", "limit_cpu", "Path"):
+        monkeypatch.setattr(tasks, name, lambda *_: MagicMock())
     monkeypatch.setattr(tasks, "warm_up", lambda *_: step("warm_up"))
     monkeypatch.setattr(tasks, "answer_to", lambda *_: step("answer_to"))
     with theirs:
