@@ -37,7 +37,7 @@ def main() -> None:
     for path in paths:
         mesh = prepare(load_mesh(path), budget)[0]
         whole = classifier.run(mesh, {})
-        winner = whole.prediction.ranking[0]
+        winner = int(np.argmax(whole.prediction.scores))
         shares = whole.contributions(winner)
         orders = {
             "most evidence": np.argsort(-shares),
@@ -49,7 +49,7 @@ def main() -> None:
             rest = Mesh(whole.prepared.vertices, whole.prepared.faces[kept])
             left = classifier.classify(rest)
             falls[title].append(float(whole.prediction.scores[winner] - left.scores[winner]))
-            lost[title] += left.ranking[0] != winner
+            lost[title] += int(np.argmax(left.scores)) != winner
     print(f"{arguments.model} on {len(paths)} test meshes of {arguments.data.name}")
     print(f"faces removed ({arguments.share:.0%})  fall of the winner's score  another class wins")
     for title, values in falls.items():

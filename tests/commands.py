@@ -55,8 +55,9 @@ def meshconv3d(
     ):
         try:
             main()
-        except SystemExit as exit:
-            status = exit.code
+            status = 0
+        except SystemExit as end:
+            status = int(end.code or 0)
         out.flush()
         err.flush()
     texts = (stream.buffer.getvalue().decode() for stream in (out, err))
