@@ -109,7 +109,7 @@ def voxelised(mesh: Mesh, resolution: int = 48) -> Mesh:
     cells = np.floor((fine - low) / size).astype(int)
     grid = np.zeros(cells.max(axis=0) + 4, bool)
     grid[tuple(cells.T)] = True
-    solid = ndimage.gaussian_filter(ndimage.binary_fill_holes(grid).astype(float), 1)
+    solid = ndimage.gaussian_filter(np.asarray(ndimage.binary_fill_holes(grid), float), 1)
     vertices, faces, _, _ = marching_cubes(solid, min(0.5, 0.9 * solid.max()))
     return Mesh(low + (vertices + 0.5) * size, faces)
 

@@ -39,7 +39,8 @@ def ours(surface: CleanSurface, budget: int) -> tuple[NDArray[np.float64], NDArr
 
 def qslim(surface: CleanSurface, budget: int) -> tuple[NDArray[np.float64], NDArray]:
     columns = np.asfortranarray(surface.vertices), np.asfortranarray(surface.faces)
-    return igl.qslim(*columns, budget)[:2]
+    vertices, faces = igl.qslim(*columns, budget)[:2]
+    return np.asarray(vertices), np.asarray(faces)
 
 
 def run(model_name: str) -> Findings:

@@ -54,7 +54,10 @@ def any_predictions(draw) -> tuple[np.ndarray, np.ndarray]:
 
 @given(any_predictions())
 def test_more_guesses_are_no_worse_and_all_of_them_right(found):
-    shares = [metrics.is_among_top(found[0], found[1], top).mean() for top in range(1, found[1].shape[1] + 1)]
+    shares = [
+        metrics.is_among_top(found[0], found[1], top).mean()
+        for top in range(1, found[1].shape[1] + 1)
+    ]
     assert shares == sorted(shares)
     assert shares[-1] == 1
     assert metrics.confusion_matrix(*found).trace() == shares[0] * len(found[0])
