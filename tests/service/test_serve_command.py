@@ -251,7 +251,7 @@ def test_a_model_that_fails_its_self_test_answers_nothing(
 def test_bad_settings_are_refused_at_the_start(
     options: list[str], variables: dict[str, str], reason: str
 ) -> None:
-    done = meshconv3d("serve", *options, variables=variables)
+    done = program("serve", *options, variables=variables)
     assert done.returncode == 2
     assert reason in done.stderr
     assert "Traceback" not in done.stderr

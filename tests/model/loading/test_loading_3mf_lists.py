@@ -123,8 +123,8 @@ def test_a_kernel_reads_the_usual_form(monkeypatch):
         "more attributes",
         "a prefix",
     ):
-        assert len(read(SPELLINGS[title].encode(), 100)) == 4
+        assert len(read(SPELLINGS[title].encode(), 2**16)) == 4
     assert not seen
-    objects = read(SPELLINGS["plain"].encode(), 100)
+    objects = read(SPELLINGS["plain"].encode(), 2**16)
     assert not isinstance(objects, str)
     assert np.frombuffer(objects[0]).max() == 3

@@ -1,8 +1,8 @@
 """Checkpoints come back as they were, and other files are refused."""
 
 import json
+import os
 from dataclasses import asdict, replace
-from pathlib import Path
 
 import pytest
 import torch
@@ -61,11 +61,10 @@ def test_the_file_holds_no_pickle_and_nothing_partial_stays(saved):
 def test_a_failed_write_leaves_the_old_file(config, saved, monkeypatch):
     before = saved.read_bytes()
 
-    def full_disk(path, content):
-        path.touch()
+    def full_disk(_):
         raise OSError("no space left")
 
-    monkeypatch.setattr(Path, "write_bytes", full_disk)
+    monkeypatch.setattr(os, "fsync", full_disk)
     with pytest.raises(OSError, match="no space"):
         save_checkpoint(Checkpoint(untrained(config, seed=1)), saved)
     assert saved.read_bytes() == before

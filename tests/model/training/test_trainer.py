@@ -168,11 +168,11 @@ def test_a_run_with_other_settings_or_data_is_not_resumed(
 
 
 def test_a_run_that_started_elsewhere_goes_on_as_itself_alone(shapes, uninterrupted, tmp_path):
-    """It begins with the features it is given, and not with those of the seed."""
+    """It begins with the weights it is given, and not with those of the seed."""
     start = uninterrupted.network
     one = Trainer(CONFIG, TRAINING, shapes, tmp_path, start=start)
     assert same(one.network.geodesic.state_dict(), start.geodesic.state_dict())
-    assert not same(one.network.classify.state_dict(), start.classify.state_dict())
+    assert same(one.network.classify.state_dict(), start.classify.state_dict())
     with pytest.raises(Killed):
         one.run(kill_after(1))
     assert Trainer(CONFIG, TRAINING, shapes, tmp_path, start=start).resume() == 1

@@ -51,7 +51,7 @@ def test_an_interrupt_as_workers_start_is_told_in_a_word(
     until(lambda: begun(process.pid))
     time.sleep(seconds)
     os.killpg(process.pid, signal.SIGINT)
-    _, said = process.communicate(timeout=30)
+    _, said = process.communicate(timeout=90)
     assert "Traceback" not in said
     assert process.returncode in (0, 130)
 
@@ -62,6 +62,6 @@ def test_a_stop_as_libraries_are_compiled_is_told_in_a_word(tmp_path: Path) -> N
     until(lambda: len(children(process.pid)) == 2)  # the second forks them, once it can
     time.sleep(1)  # until it is asked for them
     process.send_signal(signal.SIGTERM)
-    _, said = process.communicate(timeout=60)  # until all that came from it are gone
+    _, said = process.communicate(timeout=180)  # until all that came from it are gone
     assert "Traceback" not in said
     assert process.returncode == 0

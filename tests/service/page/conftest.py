@@ -89,6 +89,7 @@ def visit(browser: Browser, site: Service) -> Iterator[Callable[..., Visitor]]:
 
     def open_page(**options: object) -> Visitor:
         context = browser.new_context(reduced_motion="reduce", **options)  # type: ignore[arg-type]
+        context.set_default_timeout(90_000)  # other tests run beside it
         page = context.new_page()
         visitor = Visitor(page, site)
         page.on("request", lambda request: visitor.asked.append(request.url))
