@@ -62,7 +62,7 @@ def test_a_failed_write_leaves_the_old_file(config, saved, monkeypatch):
     before = saved.read_bytes()
 
     def full_disk(_):
-        raise OSError("no space left")
+        raise OSError(28, "no space left")
 
     monkeypatch.setattr(os, "fsync", full_disk)
     with pytest.raises(OSError, match="no space"):
