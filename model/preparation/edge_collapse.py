@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from meshconv3d.model.jit import kernel
 from meshconv3d.model.topology.geometry import Vector, cross, dot, row, subtract
+from meshconv3d.model.topology.halfedges import pair
 
 # A face is degenerate when twice its area is at most this share of its longest side squared.
 THINNEST = 1e-6
@@ -151,7 +152,7 @@ def collapse_edge(mesh: HalfEdges, h: int, u: int, v: int) -> int:
     # The corners across the edge, w left of it and x right of it, and the half-edges outside:
     # from w to v, from u to w, from x to u, from v to x.
     w, wv, uw = faces[h // 3, previous_side(h) % 3], twin[next_side(h)], twin[previous_side(h)]
-    _join(twin, wv, uw)
+    pair(twin, wv, uw)
     if first[w] // 3 == h // 3:
         first[w] = wv
     valence[w] -= 1
@@ -161,7 +162,7 @@ def collapse_edge(mesh: HalfEdges, h: int, u: int, v: int) -> int:
         start = uw
     if t >= 0:
         x, xu, vx = faces[t // 3, previous_side(t) % 3], twin[next_side(t)], twin[previous_side(t)]
-        _join(twin, xu, vx)
+        pair(twin, xu, vx)
         if first[x] // 3 == t // 3:
             first[x] = xu
         valence[x] -= 1
@@ -173,11 +174,3 @@ def collapse_edge(mesh: HalfEdges, h: int, u: int, v: int) -> int:
     first[u] = start
     mesh.border[u] |= mesh.border[v]
     return 2 if t >= 0 else 1
-
-
-@kernel
-def _join(twin: NDArray[np.int32], g: int, h: int) -> None:
-    if g >= 0:
-        twin[g] = h
-    if h >= 0:
-        twin[h] = g

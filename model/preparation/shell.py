@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from meshconv3d.model.jit import kernel
 from meshconv3d.model.topology.geometry import cross, dot, row, subtract
-from meshconv3d.model.topology.halfedges import ascends, sort_edges
+from meshconv3d.model.topology.halfedges import ascends, end_of_edge, sort_edges
 
 
 @kernel
@@ -28,14 +28,9 @@ def find_walls(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> NDArr
     order, low, high = sort_edges(faces, len(vertices))
     start = 0
     while start < len(order):
-        first = order[start]
-        end = start + 1
-        while (
-            end < len(order) and low[order[end]] == low[first] and high[order[end]] == high[first]
-        ):
-            end += 1
+        end = end_of_edge(order, low, high, start)
         around = order[start:end]
-        border[first // 3] |= len(around) == 1
+        border[around[0] // 3] |= len(around) == 1
         if len(around) > 2:
             around = around[np.argsort(_angles(vertices, faces, around), kind="mergesort")]
         for i in range(len(around)):

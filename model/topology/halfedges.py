@@ -34,11 +34,7 @@ def find_twins(
     start = 0
     while start < len(order):
         first = order[start]
-        end = start + 1
-        while (
-            end < len(order) and low[order[end]] == low[first] and high[order[end]] == high[first]
-        ):
-            end += 1
+        end = end_of_edge(order, low, high, start)
         if end - start == 1:
             border += 1
         elif end - start == 2:
@@ -74,6 +70,30 @@ def sort_edges(
                 count += 1
     by_high = counting_sort(valid[:count], high, vertex_count)
     return counting_sort(by_high, low, vertex_count), low, high
+
+
+@kernel
+def end_of_edge(
+    order: NDArray[np.int32], low: NDArray[np.int32], high: NDArray[np.int32], start: int
+) -> int:
+    """Where, in what `sort_edges` returns, the half-edges over the edge at `start` end."""
+    end = start + 1
+    while (
+        end < len(order)
+        and low[order[end]] == low[order[start]]
+        and high[order[end]] == high[order[start]]
+    ):
+        end += 1
+    return end
+
+
+@kernel
+def pair(twin: NDArray[np.int32], one: int, other: int) -> None:
+    """Make two half-edges twins; where one is -1, the other is of a border."""
+    if one >= 0:
+        twin[one] = other
+    if other >= 0:
+        twin[other] = one
 
 
 @kernel

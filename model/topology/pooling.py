@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshconv3d.model.jit import kernel
+from meshconv3d.model.topology.halfedges import pair
 
 
 class PooledFaces(NamedTuple):
@@ -283,12 +284,11 @@ def _merge(
         for h in range(3 * f, 3 * f + 3):
             if twin[h] >= 0:
                 neighbour, s = twin[h] // 3, twin[h] % 3
-                one = twin[3 * neighbour + (s + 1) % 3]
-                two = twin[3 * neighbour + (s + 2) % 3]
-                if one >= 0:
-                    twin[one] = two
-                if two >= 0:
-                    twin[two] = one
+                pair(
+                    twin,
+                    twin[3 * neighbour + (s + 1) % 3],
+                    twin[3 * neighbour + (s + 2) % 3],
+                )
     for f in alive:
         for s in range(3):
             faces[f, s] = merged[faces[f, s]]
