@@ -116,11 +116,14 @@ def prepare_placed(mesh: Mesh, face_budget: int) -> tuple[Mesh, MeshReport, Plac
     parts = surface.counts["components"]
     dusted = drop_dust(surface, face_budget)
     vertices, faces, resampled, left = _resample(dusted, face_budget)
+    parts_left = left.counts["components"]
+    dropped = dusted.counts["components"] - parts_left
     area_kept = shape_kept = 1.0
     if resampled != "none" or len(faces) < len(surface.faces):
         area, before = surface_area(vertices, faces), surface_area(surface.vertices, surface.faces)
-        area_kept = area / before
-        shape_kept = area / (before - scrap_area(dusted) + scrap_area(left))
+        area_kept = shape_kept = area / before
+        if dropped:
+            shape_kept = area / (before - scrap_area(dusted) + scrap_area(left))
     if not AREA_KEPT[0] <= shape_kept <= AREA_KEPT[1]:
         raise UnusableMesh(
             "lost-in-simplification",
@@ -135,8 +138,6 @@ def prepare_placed(mesh: Mesh, face_budget: int) -> tuple[Mesh, MeshReport, Plac
             f"topology, and the model takes {face_budget}: the surface has too many holes or "
             "borders; export a simpler version of the mesh",
         )
-    parts_left = left.counts["components"]
-    dropped = dusted.counts["components"] - parts_left
     note = mesh.note
     if dropped:
         note += "; " * bool(note) + f"{dropped} of {parts} parts were dropped"
