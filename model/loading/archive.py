@@ -3,7 +3,7 @@
 import struct
 import zipfile
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from io import BytesIO
 from typing import BinaryIO
@@ -32,12 +32,15 @@ class Archive:
     """The files of an archive.
 
     source: its bytes, or a file that is open for reading and stays open.
-    names: their paths, as they are written.
+    path_of: makes the path by which a file is known of the one that is written.
+    names: these paths.
 
     Raises MalformedFile where it is no whole archive, LimitExceeded where it has too many files.
     """
 
-    def __init__(self, source: bytes | BinaryIO, limits: Limits) -> None:
+    def __init__(
+        self, source: bytes | BinaryIO, limits: Limits, path_of: Callable[[str], str] = str
+    ) -> None:
         file = BytesIO(source) if isinstance(source, bytes) else source
         self._size = file.seek(0, 2)
         self._limits = limits
@@ -46,17 +49,23 @@ class Archive:
         with _damage_told():
             self._zip = zipfile.ZipFile(bounded)  # type: ignore[arg-type]
         bounded.opening = False
-        self._entries = {entry.filename: entry for entry in self._zip.infolist()}
-        limits.check("entries", len(self._entries))
+        entries = [entry for entry in self._zip.infolist() if not entry.is_dir()]
+        limits.check("entries", len(entries))
+        self._entries: dict[str, list[zipfile.ZipInfo]] = {}
+        for entry in entries:
+            self._entries.setdefault(path_of(entry.filename), []).append(entry)
         self.names = list(self._entries)
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._entries
 
     def size(self, name: str) -> int:
         """Bytes of a file, as the archive declares it."""
-        return self._entries[name].file_size
+        return self._entries[name][0].file_size
 
     def content(self, name: str) -> bytes:
         """A whole file, bounded by itself. Raises MalformedFile and LimitExceeded."""
-        entry = self._entries[name]
+        entry = self._entry(name)
         self._check(entry.file_size, entry.compress_size)
         return b"".join(self._unpack(entry))
 
@@ -65,10 +74,20 @@ class Archive:
 
         Raises MalformedFile and LimitExceeded.
         """
-        entry = self._entries[name]
+        entry = self._entry(name)
         self._unpacked += entry.file_size
         self._check(self._unpacked, self._size)
         return self._unpack(entry)
+
+    def _entry(self, name: str) -> zipfile.ZipInfo:
+        entry, *others = self._entries[name]
+        if others:
+            raise MalformedFile(
+                "repeated-name",
+                f"the ZIP archive holds several files named {quoted(name)}; pack it again, "
+                "with a name of its own for each",
+            )
+        return entry
 
     def _check(self, unpacked: int, packed: int) -> None:
         # zipfile gives no more than is declared.

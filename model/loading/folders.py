@@ -91,37 +91,37 @@ class MeshArchive:
     """The mesh files in a ZIP archive. Hidden files and archives within it are passed over.
 
     source: its bytes, or a file that is open for reading and stays open.
-    names: paths of the mesh files, sorted.
+    names: paths of the mesh files, sorted. others: those of files of other 3D formats.
 
     Raises MalformedFile and LimitExceeded.
     """
 
     def __init__(self, source: bytes | BinaryIO, limits: Limits) -> None:
-        self._archive = Archive(source, limits)
+        self._archive = Archive(source, limits, _within)
         self._limits = limits
-        # By paths that do not lead out of the archive.
-        self._paths = {
-            "/".join(part for part in path.split("/") if part not in ("", ".", "..")): path
-            for path in self._archive.names
-            if not path.endswith("/")
-        }
-        self.names = sorted(name for name in self._paths if _is_shown_mesh(name))
+        shown = [
+            name for name in sorted(self._archive.names) if not any(map(is_hidden, name.split("/")))
+        ]
+        self.names = [
+            name for name in shown if has_mesh_name(name) and extension(name) != ARCHIVE.extension
+        ]
+        self.others = list(filter(has_other_format, shown))
 
     def size(self, name: str) -> int:
         """Bytes of a mesh file, as the archive declares it."""
-        return self._archive.size(self._paths[name])
+        return self._archive.size(name)
 
     def read(self, name: str) -> bytes:
         """The content of a mesh file. Raises MalformedFile and LimitExceeded."""
-        return self._archive.content(self._paths[name])
+        return self._archive.content(name)
 
     def pieces(self, name: str, content: bytes) -> dict[str, bytes]:
         """What `find_pieces` finds beside a mesh file of this content."""
         folder = PurePosixPath(name).parent
 
         def sibling(piece: str) -> bytes | None:
-            path = self._paths.get(str(folder / piece))
-            return None if path is None else self._archive.content(path)
+            path = str(folder / piece)
+            return self._archive.content(path) if path in self._archive else None
 
         return find_pieces(content, sibling, self._limits)
 
@@ -167,9 +167,9 @@ def read_beside(mesh: Path, limits: Limits, piece: str) -> bytes | None:
         return file.read(limits.piece_bytes)
 
 
-def _is_shown_mesh(path: str) -> bool:
-    is_mesh = has_mesh_name(path) and extension(path) != ARCHIVE.extension
-    return is_mesh and not any(map(is_hidden, path.split("/")))
+def _within(path: str) -> str:
+    """A path without the parts that lead out of an archive."""
+    return "/".join(part for part in path.split("/") if part not in ("", ".", ".."))
 
 
 def _is_file(entry: os.DirEntry[str]) -> bool:

@@ -186,9 +186,11 @@ class ArchivedFile(File):
 
 
 def members(archive: File) -> list[File]:
-    """The mesh files in a ZIP archive. Raises MeshError and OSError."""
+    """The mesh files in a ZIP archive, and files of other 3D formats. Raises MeshError and
+    OSError."""
     found: list[File] = []
-    for member in opened(archive).names:
+    held = opened(archive)
+    for member in sorted(held.names + held.others):
         name, below = (f"{path}/{readable(member)}" for path in (archive.name, archive.below))
         found.append(ArchivedFile(name, below, os.path.splitext(member)[1], archive, member))
     return found

@@ -13,6 +13,7 @@ from pathlib import Path
 from meshconv3d.model.errors import MeshError
 from meshconv3d.model.loading import FORMATS, extension, has_mesh_name, has_other_format
 from meshconv3d.service.batch.files import (
+    ArchivedFile,
     File,
     StandardInput,
     file_at,
@@ -127,27 +128,26 @@ class Listing:
         return list(islice(self, count))
 
     def _chosen(self, place: Place, others: Counter[str]) -> Iterator[File]:
+        named = place.root is None
         for file in _unpacked(place):
-            if place.root is None:
+            if not named and not self._choice.fits(file):
+                continue
+            if has_mesh_name(file.below) or (named and not isinstance(file, ArchivedFile)):
                 yield file
-            elif has_mesh_name(file.below):
-                if self._choice.fits(file):
-                    yield file
-            elif has_other_format(file.below) and self._choice.fits(file):
+            elif has_other_format(file.below):
                 others["." + extension(file.below)] += self._choice.shares(file)
 
 
 def _unpacked(place: Place) -> Iterator[File]:
     """The files of a place, with the members of archives in place of the archives.
 
-    An archive that cannot be read stays itself, so that its result says why, and one that was named
-    and holds no mesh.
+    An archive that cannot be read or holds no mesh stays itself, so that its result says why.
     """
     for file in place.find():
         found = [file]
         if extension(file.below) == ARCHIVE:
             with suppress(MeshError, OSError):
-                found = members(file) or ([] if place.root else found)
+                found = members(file) or found
         yield from found
 
 

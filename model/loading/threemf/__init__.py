@@ -35,12 +35,11 @@ class Package:
     """The parts of a package by their names, which are compared without case."""
 
     def __init__(self, data: bytes, limits: Limits) -> None:
-        self._archive = Archive(data, limits)
-        self._names = {_part_name("/" + name): name for name in self._archive.names}
+        self._archive = Archive(data, limits, lambda name: _part_name("/" + name))
         self._limits = limits
 
     def __contains__(self, name: str) -> bool:
-        return name in self._names
+        return name in self._archive
 
     def find(self, reference: str, source: str = "") -> str:
         """The name of the part to which a reference in the part `source` leads.
@@ -55,7 +54,7 @@ class Package:
         """A part in small pieces. Raises MalformedFile and LimitExceeded."""
         if name not in self:
             raise MalformedFile("missing-data", f"the package has no part {quoted(name)}")
-        return self._archive.blocks(self._names[name])
+        return self._archive.blocks(name)
 
 
 def _part_name(path: str) -> str:

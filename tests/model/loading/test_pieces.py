@@ -156,6 +156,7 @@ def test_an_archive_lists_its_meshes_with_their_pieces():
                 "notes.txt": "hello",
                 "inner.zip": build.archive({"c.stl": build.stl_binary()}),
                 "inner.3mf": build.threemf(),
+                "scene.blend": b"x",
                 "__MACOSX/a.STL": b"x",
                 "b/._box.gltf": b"x",
                 ".hidden/a.stl": b"x",
@@ -165,6 +166,7 @@ def test_an_archive_lists_its_meshes_with_their_pieces():
         Limits(),
     )
     assert archive.names == ["a.STL", "abs.ply", "b/box.gltf", "inner.3mf", "out.obj"]
+    assert archive.others == ["scene.blend"]
     for name in archive.names:
         content = archive.read(name)
         pieces = archive.pieces(name, content)
@@ -184,6 +186,27 @@ def test_an_archive_of_several_meshes_goes_to_a_batch_and_one_of_none_is_none():
         assert fault(caught) == "no-meshes"
     with pytest.raises(UnknownFormat):
         load_mesh(build.archive({"a.stl": build.archive({"b.stl": build.stl_binary()})}))
+
+
+@pytest.mark.parametrize("other", ["dir/a.obj", "dir//a.obj", "./dir/a.obj"])
+def test_files_of_one_name_are_refused_and_others_read(other):
+    """Also where two paths lead to one place."""
+    unlike = "x" * len(other)
+    files = {"dir/a.obj": build.obj(), unlike: "v", "b.stl": build.stl_binary()}
+    packed = build.archive(files).replace(unlike.encode(), other.encode())
+    archive = MeshArchive(packed, Limits())
+    assert archive.names == ["b.stl", "dir/a.obj"]
+    with pytest.raises(MalformedFile, match=r"several files named 'dir/a\.obj'") as caught:
+        archive.read("dir/a.obj")
+    assert fault(caught) == "repeated-name"
+    assert build.is_box(load_mesh(archive.read("b.stl")))
+
+
+def test_a_part_of_a_3mf_that_is_there_twice_is_refused():
+    parts = {"3D/3dmodel.model": build.model_xml(build.mesh_xml()), "3D/3DMODEL.MODEL": "<model/>"}
+    with pytest.raises(MalformedFile) as caught:
+        load_mesh(build.threemf(parts))
+    assert fault(caught) == "repeated-name"
 
 
 def test_a_3mf_that_is_called_a_zip_is_read():

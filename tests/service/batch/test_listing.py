@@ -109,7 +109,8 @@ def packed(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]:
         "n.txt": "",
         "._z.obj": "",
     }
-    for name, held in (("a.ZIP", files), ("none.zip", {"n.txt": ""})):
+    held_by = {"a.ZIP": files, "none.zip": {"n.txt": ""}, "others.zip": {"a.blend": ""}}
+    for name, held in held_by.items():
         with zipfile.ZipFile(tmp_path / name, "w") as archive:
             for path, content in held.items():
                 archive.writestr(path, content)
@@ -125,15 +126,20 @@ def packed(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]:
 
 
 def test_each_mesh_in_an_archive_is_a_file(packed: str) -> None:
-    """An archive that cannot be read is one itself, so that its result says why."""
+    """An archive that cannot be read or holds none is one itself, so that its result says why."""
+    others: Counter[str] = Counter()
     listing = Listing([packed])
-    assert below(listing) == ["a.ZIP/b/x.gltf", "a.ZIP/z.obj", "bad.zip", "m.obj"]
+    found = [file.below for file in listing.files(others)]
+    assert found == ["a.ZIP/b/x.gltf", "a.ZIP/z.obj", "bad.zip", "m.obj", "none.zip"]
+    assert others == {".blend": 1}
     files = {file.below: file for file in listing}
     gltf = files["a.ZIP/b/x.gltf"]
     assert gltf.declared == ".gltf"
     assert gltf.pieces(gltf.read()) == {"x.bin": b"data"}
     assert files["a.ZIP/z.obj"].read() == b"z"
     assert all(file.size() == len(file.read()) for file in listing)
+    with pytest.raises(NotListed, match=r"1 file of other formats: \.blend 1"):
+        Listing([f"{packed}/others.zip"])
     assert below(Listing([packed], Choice(["*.obj"]))) == ["a.ZIP/z.obj", "m.obj"]
     assert below(Listing([f"{packed}/*.ZIP"])) == ["a.ZIP/b/x.gltf", "a.ZIP/z.obj"]
 
