@@ -25,8 +25,8 @@ from meshconv3d.service.batch.resume import (
     RemoteJournal,
     entry,
     fault_of,
-    is_kept,
     is_settled,
+    kept_entry,
     parse_line,
 )
 from meshconv3d.service.batch.running import Tally
@@ -61,6 +61,11 @@ class Output:
         if form not in FORMS:
             forms = ", ".join(f".{form}" for form in FORMS)
             raise NotWritten(f"{path} does not end with a form that is written: {forms}")
+        folder = Path(path).parent
+        if not is_url(path) and not folder.is_dir():
+            raise NotWritten(
+                f"{path} cannot be written: there is no folder {folder}; make it first"
+            )
         if form == "parquet":
             import pyarrow.parquet  # noqa: F401  # now, not after hours of work
         self.path = path
@@ -90,9 +95,13 @@ class Output:
         path = self.journal_path
         self._journal = RemoteJournal(path) if is_url(path) else LocalJournal(Path(path))
         numbers = count(1)
-        self._journal.recover(lambda line: is_kept(line, next(numbers), run, path))
+
+        def is_kept(line: bytes) -> bool:
+            found = kept_entry(line, next(numbers), run, path)
+            return found is not None and self._done.add(found)
+
+        self._journal.recover(is_kept)
         for found in map(parse_line, self._journal):
-            self._done.add(found)
             self.tally.add(fault_of(found))
             self.tally.earlier += 1
             yield found

@@ -76,17 +76,17 @@ def parse_line(line: bytes) -> Entry:
     return _ENTRY.validate_json(line)
 
 
-def is_kept(line: bytes, number: int, run: str, path: str) -> bool:
-    """Whether a resumed run keeps a line of a journal. number, path: of the line.
+def kept_entry(line: bytes, number: int, run: str, path: str) -> Entry | None:
+    """The entry on a line of a journal, if a resumed run keeps it. number, path: of the line.
 
     Raises NotWritten for a line that is damaged, or was written by another run or program.
     """
     content = line.rstrip(b"\0")  # a file may end with these after a loss of power
     whole = line.endswith(b"\n") or len(line) == LONGEST_LINE
     if not whole and content.startswith(RECORD_START[: len(content)]):
-        return False  # the process was killed while writing it
+        return None  # the process was killed while writing it
     if line.isspace():
-        return False
+        return None
     try:
         found = parse_line(line)
     except ValueError:
@@ -99,7 +99,7 @@ def is_kept(line: bytes, number: int, run: str, path: str) -> bool:
             f"{path} was written by another model, or with another --top or other limits: resume "
             "with the same, or name another file"
         )
-    return is_settled(found)
+    return found if is_settled(found) else None
 
 
 class LocalJournal:
@@ -108,7 +108,6 @@ class LocalJournal:
 
     def __init__(self, path: Path) -> None:
         """Create or resume it. Raises OSError, also if another process writes it."""
-        path.parent.mkdir(parents=True, exist_ok=True)
         self._path = path
         self._file = _open_to_append(path)
         _lock(self._file, path)
@@ -232,17 +231,17 @@ class Done:
         # Without a name: a temporary file, which is removed with this process.
         self._files = sqlite3.connect("", isolation_level=None)
         self._execute("PRAGMA journal_mode = OFF")
-        self._execute("CREATE TABLE done (name BLOB, sha256 TEXT)")
-        self._execute("CREATE INDEX names ON done (name)")
+        self._execute("CREATE TABLE done (name BLOB, sha256 TEXT, UNIQUE (name, sha256))")
 
-    def add(self, found: Entry) -> None:
-        """Note the file of an entry."""
-        self._execute("INSERT INTO done VALUES (?, ?)", _key(found.file), found.sha256)
+    def add(self, found: Entry) -> bool:
+        """Note the file of an entry, unless it is there. Returns whether it was not."""
+        values = _key(found.file), found.sha256
+        return self._execute("INSERT OR IGNORE INTO done VALUES (?, ?)", *values).rowcount == 1
 
     def take(self, name: str) -> Collection[str]:
         """Contents with which the next file of this name is done, see `DoneAs`.
 
-        Each call removes one: a file that was named twice has two records.
+        Each call removes one: a file that is named twice has two records.
         """
         query = "SELECT rowid, sha256 FROM done WHERE name = ? ORDER BY rowid"
         found = self._execute(query, _key(name)).fetchall()

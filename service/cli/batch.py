@@ -103,6 +103,7 @@ def batch(
     report = None if page is None else Report(model_id, ", ".join(paths))
     sorted_folder = None if folder is None else SortedFolder(folder)
     others: Counter[str] = Counter()
+    unplaced = 0
     with executor:
         with usage_errors(NotWritten, option="--output"):
             for earlier in output.begin(run_id(model_id.sha256, top, settings.limits)):
@@ -113,8 +114,8 @@ def batch(
             with output, progress:
                 for one in executor.results(listing.files(others), output.done_as):
                     found = record(one.file.name, one.result, top)
-                    if sorted_folder is not None:
-                        sorted_folder.place(one)
+                    if sorted_folder is not None and sorted_folder.place(one) is None:
+                        unplaced += 1
                     if report is not None:
                         report.add(found, one.picture)
                     # Last: a run that is killed and goes on has all in the folder and the report.
@@ -129,6 +130,11 @@ def batch(
     click.echo(progress.summary(), err=True)
     if others:
         click.echo(told(others), err=True)
+    if unplaced:
+        files = "file" if unplaced == 1 else "files"
+        click.echo(
+            f"could not be read, and so not sorted into {folder}: {unplaced} {files}", err=True
+        )
     ctx.exit(1 if output.tally.refused else 0)
 
 

@@ -154,11 +154,20 @@ def test_what_another_attempt_may_change_is_done_again(tmp_path: Path) -> None:
     assert [line["file"] for line in lines(path)] == ["c.obj"]
 
 
-def test_a_file_named_twice_has_two_records(tmp_path: Path) -> None:
-    path = tmp_path / "all.jsonl"
-    write(path, added("a.obj"), added("a.obj"))
+@pytest.mark.parametrize("url", ["{folder}/all.jsonl", "memory://{folder}/all.jsonl"])
+def test_a_record_that_is_there_twice_is_kept_once(tmp_path: Path, url: str) -> None:
+    path = url.format(folder=tmp_path)
+    interrupted(path, added("a.obj"), added("a.obj"), added("b.obj"))
     with begun(path) as output:
-        assert ["0" * 64 in output.done_as("a.obj") for _ in range(3)] == [True, True, False]
+        assert (output.tally.files, output.tally.earlier) == (2, 2)
+        assert ["0" * 64 in output.done_as("a.obj") for _ in range(2)] == [True, False]
+    assert [line["file"] for line in lines(path)] == ["a.obj", "b.obj"]
+
+
+def test_no_folder_is_made_for_an_output(tmp_path: Path) -> None:
+    with pytest.raises(NotWritten, match=f"there is no folder {tmp_path}/none; make it first"):
+        Output(f"{tmp_path}/none/all.csv", resume=False)
+    assert os.listdir(tmp_path) == []
 
 
 def test_a_file_that_changed_is_done_with_its_last_content(tmp_path: Path) -> None:

@@ -183,6 +183,7 @@ def test_classify_with_an_output_is_batch(model_file: Path, meshes: Path, tmp_pa
         (["--output", "{folder}/there.jsonl", "--resume"], "line 1 is no record of this command"),
         (["--output", "{folder}/there.csv", "--resume"], "name another file"),
         (["--output", "{folder}/all.txt"], "does not end with a form"),
+        (["--output", "{folder}/none/all.csv"], "there is no folder"),
         (["-o", "{folder}/all.csv", "--shard", "3/2"], "no part of a whole"),
         (["-o", "{folder}/all.csv", "--include", "*.ply"], "that --include and --exclude let in"),
         (["-o", "{folder}/all.csv", "--workers", "0"], "--workers"),

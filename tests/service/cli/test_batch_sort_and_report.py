@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from tests.commands import meshconv3d
+from tests.model.loading.loading_builders import archive
 
 
 @pytest.fixture
@@ -41,6 +42,22 @@ def test_files_are_sorted_and_reported(folder: Path, model_file: Path, tmp_path:
     assert "19.obj" in text  # of the run before
     assert "21.obj" in text
     assert "No picture of 20" in text
+
+
+def test_files_that_could_not_be_sorted_are_counted(
+    meshes: Path, model_file: Path, tmp_path: Path
+) -> None:
+    """A file in an archive that cannot be unpacked has nothing to link to or to copy."""
+    packed = archive(
+        {"a.obj": "v 0", "x.obj": "v 0", "ring.obj": (meshes / "ring.obj").read_bytes()}
+    )
+    (tmp_path / "a.zip").write_bytes(packed.replace(b"x.obj", b"a.obj"))
+    into = tmp_path / "sorted"
+    call = ("batch", tmp_path / "a.zip", "--model", model_file, "--sort-into", into)
+    done = meshconv3d(*call, "--output", tmp_path / "all.jsonl")
+    assert done.returncode == 1
+    assert f"could not be read, and so not sorted into {into}: 1 file" in done.stderr
+    assert len([path for path in into.rglob("*") if path.is_file()]) == 1
 
 
 @pytest.mark.parametrize("path", ["", "**/*.obj", "s*/ring/*", "*/*/*/*.obj"])
