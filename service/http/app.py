@@ -9,7 +9,7 @@ from typing import Any
 
 from fastapi import FastAPI
 from starlette.middleware.cors import CORSMiddleware
-from starlette.types import ASGIApp
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from meshconv3d.service.http.admission import Admission, AdmissionMiddleware
 from meshconv3d.service.http.dispatch import Dispatcher
@@ -81,6 +81,19 @@ class _Routes(FastAPI):
             redirect_slashes=False,
         )
         self._keyed = keyed
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer a request; HEAD as GET, without the body."""
+
+        async def send_head(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                await send(message)
+                await send({"type": "http.response.body"})
+
+        if scope.get("method") == "HEAD":
+            await super().__call__({**scope, "method": "GET"}, receive, send_head)
+        else:
+            await super().__call__(scope, receive, send)
 
     def openapi(self) -> dict[str, Any]:
         if self.openapi_schema is None:

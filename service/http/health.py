@@ -12,13 +12,11 @@ from meshconv3d.service.http.telemetry import Metrics
 def add_health_routes(app: FastAPI, dispatcher: Dispatcher, metrics: Metrics) -> None:
     """Add /livez, /readyz and /metrics."""
 
-    @app.head("/livez", include_in_schema=False)
     @app.get("/livez")
     async def live() -> dict:
         """The process runs."""
         return {"status": "alive"}
 
-    @app.head("/readyz", include_in_schema=False)
     @app.get("/readyz", responses=NOT_READY)
     async def ready() -> JSONResponse:
         """A worker has classified a known mesh as expected, and work is admitted."""

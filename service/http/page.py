@@ -31,7 +31,7 @@ HEADERS = {
 def add_page(app: FastAPI) -> None:
     """Add the page and its assets."""
 
-    @app.api_route("/", methods=["GET", "HEAD"], include_in_schema=False)
+    @app.get("/", include_in_schema=False)
     async def page() -> FileResponse:
         """The page: never cached, since its name stays while its assets' names change."""
         return FileResponse(BUILT / "index.html", headers={**HEADERS, "cache-control": "no-cache"})

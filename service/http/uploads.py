@@ -18,7 +18,7 @@ from fastapi import Request
 from python_multipart.exceptions import FormParserError
 from python_multipart.multipart import MultipartParser, parse_options_header
 
-from meshconv3d.model.errors import MalformedFile, MeshError
+from meshconv3d.model.errors import LimitExceeded, MalformedFile, MeshError
 from meshconv3d.model.loading import (
     FORMATS,
     Limits,
@@ -192,50 +192,60 @@ async def read_uploads(request: Request, settings: Settings) -> list[Upload]:
 def _expanded(uploads: Sequence[Upload], most: int, total: int) -> list[Upload]:
     """The meshes among uploads: with their pieces, and out of ZIP archives.
 
-    most: meshes; total: bytes that archives may unpack to together. Raises RequestError.
+    most: meshes; total: bytes that archives may unpack to together. An archive that holds more than
+    is left of either is one mesh with that error. Raises RequestError for more than `most` files.
     """
-    room = total
     beside = _Beside(uploads)
     complete = [_with_pieces(upload, beside.of(upload)) for upload in uploads]
-    meshes: list[Upload] = []
-    for number, upload in enumerate(complete):
-        if has_mesh_name(upload.name or "") or number not in beside.taken:
-            found = _unpacked(upload, most - len(meshes), room, total)
-            room -= sum(mesh.size for mesh in found if mesh is not upload)
-            meshes += found
-    if len(meshes) > most:
+    files = [
+        upload
+        for number, upload in enumerate(complete)
+        if has_mesh_name(upload.name or "") or number not in beside.taken
+    ]
+    if len(files) > most:
         raise too_many_meshes(most)
+    places, room = most - len(files), total
+    meshes: list[Upload] = []
+    for upload in files:
+        try:
+            found = _unpacked(upload, places + 1, room)
+        except LimitExceeded as error:
+            found = [replace(upload, error=error)]
+        places -= len(found) - 1
+        room -= sum(mesh.size for mesh in found if mesh is not upload)
+        meshes += found
     return meshes
 
 
-def _unpacked(upload: Upload, most: int, room: int, total: int) -> list[Upload]:
+def _unpacked(upload: Upload, most: int, room: int) -> list[Upload]:
     """The meshes in an upload that is a ZIP archive; others, and those that are damaged, as they
     are.
 
-    room: bytes that are left of the total that all archives may unpack to. Raises RequestError.
+    most: meshes; room: bytes that they and their pieces may unpack to. Raises LimitExceeded.
     """
     if not is_archive(upload.content, upload.declared):
         return [upload]
-    bounds = replace(LIMITS, unpacked_bytes=room, piece_bytes=room)
     try:
-        archive = MeshArchive(upload.content, bounds)
+        archive = MeshArchive(
+            upload.content, replace(LIMITS, unpacked_bytes=room, piece_bytes=room)
+        )
     except MeshError:
         return [upload]
     if len(archive.names) > most:
-        raise too_many_meshes(most)
-    found: list[Upload] = []
+        raise LimitExceeded("meshes", most, f"the archive holds {len(archive.names)} meshes")
+    meshes: list[Upload] = []
     declared = sum(map(archive.size, archive.names))
     for name in archive.names:
         mesh = Upload(b"", f"{upload.name or ''}/{name}", PurePath(name).suffix)
         try:
             mesh = replace(mesh, content=archive.read(name))
-            found.append(_with_pieces(mesh, partial(archive.pieces, name)))
+            meshes.append(_with_pieces(mesh, partial(archive.pieces, name)))
         except MeshError as error:
-            found.append(replace(mesh, error=error))
-        if max(declared, sum(mesh.size for mesh in found)) > room:
-            detail = f"the archives unpack to more than {total} bytes of meshes; split them up"
-            raise RequestError(413, "body-too-large", detail, total)
-    return found or [upload]
+            meshes.append(replace(mesh, error=error))
+        size = max(declared, sum(mesh.size for mesh in meshes))
+        if size > room:
+            raise LimitExceeded("unpacked_bytes", room, f"the archive unpacks to {size} bytes")
+    return meshes or [upload]
 
 
 def _with_pieces(upload: Upload, find: Callable[[bytes], dict[str, bytes]]) -> Upload:

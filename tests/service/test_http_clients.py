@@ -4,6 +4,7 @@ import socket
 from pathlib import Path
 
 import httpx
+import pytest
 
 from tests.service.conftest import Service
 
@@ -28,8 +29,19 @@ def test_no_redirect_is_built_from_the_callers_host(client: httpx.Client) -> Non
     assert "elsewhere" not in str(response.headers) + response.text
 
 
-def test_probes_answer_head(client: httpx.Client) -> None:
-    assert [client.head(path).status_code for path in ("/livez", "/readyz")] == [200, 200]
+@pytest.mark.parametrize(
+    "path", ["/", "/livez", "/readyz", "/metrics", "/v1/formats", "/v1/samples/lamp.obj", "/v2"]
+)
+def test_head_is_answered_as_get_is(client: httpx.Client, path: str) -> None:
+    told, whole = client.head(path), client.get(path)
+    assert (told.status_code, told.content) == (200, b"")
+    assert told.headers["content-type"] == whole.headers["content-type"]
+    if path != "/metrics":
+        assert told.headers["content-length"] == str(len(whole.content))
+
+
+def test_head_is_no_way_to_ask_for_what_is_posted(client: httpx.Client) -> None:
+    assert client.head("/v1/classify").status_code == 405
 
 
 def test_who_leaves_in_the_middle_leaves_no_traceback(service: Service) -> None:

@@ -98,14 +98,27 @@ def test_a_damaged_file_in_an_archive_costs_its_own_line(client: httpx.Client) -
     assert faces(second) == 12
 
 
-def test_archives_are_bounded(client: httpx.Client) -> None:
+def test_an_archive_that_holds_too_much_costs_its_own_line(client: httpx.Client) -> None:
+    """What is left of the places and bytes of a request is for the others."""
     many = build.archive({f"{number}.obj": build.obj() for number in range(200)})
-    found = problem_of(client.post("/v1/classify/batch", files=form(("a.zip", many))), 413)
-    assert found["fault"] == "too-many-meshes"
     spaces = b" " * (LIMIT // 2 + 1)
     large = build.archive({"a.obj": build.obj() + spaces, "b.obj": build.obj() + spaces})
-    found = problem_of(client.post("/v1/classify/batch", files=form(("a.zip", large))), 413)
-    assert found["fault"] == "body-too-large"
+    two = build.archive({"a.obj": build.obj(), "b.stl": build.stl_binary()})
+    files = form(("many.zip", many), ("large.zip", large), ("two.zip", two), BOX)
+    lines = lines_of(client.post("/v1/classify/batch", files=files))
+    assert [(line["file"], line.get("error", {}).get("fault")) for line in lines] == [
+        ("many.zip", "too-many-meshes"),
+        ("large.zip", "too-many-unpacked-bytes"),
+        *(("two.zip/a.obj", None), ("two.zip/b.stl", None), ("box.glb", None)),
+    ]
+
+
+def test_files_of_one_name_in_an_archive_cost_their_own_line(client: httpx.Client) -> None:
+    packed = build.archive({"a.obj": build.obj(), "x.obj": "v 0", "b.obj": build.obj()})
+    packed = packed.replace(b"x.obj", b"a.obj")
+    first, second = lines_of(client.post("/v1/classify/batch", files=form(("a.zip", packed))))
+    assert (first["file"], first["error"]["fault"]) == ("a.zip/a.obj", "repeated-name")
+    assert faces(second) == 12
 
 
 def test_the_formats_are_those_that_are_read(client: httpx.Client) -> None:
