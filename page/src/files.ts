@@ -1,5 +1,6 @@
 // The files of a drop or a choice: which are meshes, and which are pieces of one (glTF buffers).
 
+import { unzip, type Unpacked } from "./parsing";
 import { extensionOf } from "./parsing/formats";
 
 /** A file with its path below what was dropped, with slashes. */
@@ -56,13 +57,27 @@ async function walk(entry: FileSystemEntry, found: Found[]): Promise<void> {
 
 /** Mesh files, of the extensions that the service reads, with their pieces. Other files are left
  * out, unless nothing else is there: the service says what is wrong with them. */
-export async function gathered(found: Found[], extensions: string[]): Promise<Parts[]> {
-  const meshes = found.filter(({ file }) => extensions.includes(extensionOf(file.name)));
+export async function gathered(given: Found[], extensions: string[]): Promise<Parts[]> {
+  const isMesh = ({ file }: Found) => extensions.includes(extensionOf(file.name));
+  const found = (await Promise.all(given.map((one) => unpacked(one, isMesh)))).flat();
+  const meshes = found.filter(isMesh);
   const parts = (meshes.length ? meshes : found).map(async (one) => ({
     file: one.file,
     pieces: extensionOf(one.file.name) === "gltf" ? await piecesOf(one, found) : [],
   }));
   return Promise.all(parts);
+}
+
+/** The files in a ZIP archive. One without meshes, or that cannot be unpacked, stays itself: the
+ * service says what is wrong with it. */
+async function unpacked(one: Found, isMesh: (file: Found) => boolean): Promise<Found[]> {
+  if (extensionOf(one.file.name) !== "zip") return [one];
+  const contents = await unzip(one.file).catch((): Unpacked => ({}));
+  const files = Object.entries(contents).map(([path, content]) => ({
+    file: new File([content], path.split("/").pop()!),
+    path: `${one.path}/${path}`,
+  }));
+  return files.some(isMesh) ? files : [one];
 }
 
 async function piecesOf(mesh: Found, found: Found[]): Promise<File[]> {

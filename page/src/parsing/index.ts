@@ -1,16 +1,17 @@
-// The worker as a function.
+// The worker as functions.
 
 import type { Shown } from "./read";
+import type { Unpacked } from "./unzip";
 import type { Task } from "./worker";
 
 interface Reply {
   id: number;
-  shown?: Shown;
+  result?: unknown;
   error?: string;
 }
 
 interface Waiting {
-  resolve: (shown: Shown) => void;
+  resolve: (result: unknown) => void;
   reject: (error: Error) => void;
 }
 
@@ -21,12 +22,18 @@ let last = 0;
 worker.onmessage = ({ data }: MessageEvent<Reply>) => {
   const task = waiting.get(data.id);
   waiting.delete(data.id);
-  if (data.shown) task?.resolve(data.shown);
+  if (data.error === undefined) task?.resolve(data.result);
   else task?.reject(new Error(data.error));
 };
 
 /** What the view draws of a file; rejects what cannot be shown. */
-export async function readForView(file: Blob, name: string, coloured = false): Promise<Shown> {
+export const readForView = (file: Blob, name: string, coloured = false) =>
+  ask(file, name, coloured) as Promise<Shown>;
+
+/** The files in a ZIP archive, by their paths; rejects one that cannot be unpacked. */
+export const unzip = (file: Blob) => ask(file, "zip", false) as Promise<Unpacked>;
+
+async function ask(file: Blob, name: string, coloured: boolean): Promise<unknown> {
   const data = await file.arrayBuffer();
   const task: Task = { id: ++last, name, data, coloured };
   return new Promise((resolve, reject) => {
@@ -35,4 +42,4 @@ export async function readForView(file: Blob, name: string, coloured = false): P
   });
 }
 
-export type { Shown };
+export type { Shown, Unpacked };

@@ -1,7 +1,9 @@
-// Reads files beside the page, which goes on turning.
+// Reads and unpacks files beside the page, which goes on turning.
 
 import { read } from "./read";
+import { unzip } from "./unzip";
 
+/** A file to read for the view; as name, "zip" for one to unpack. */
 export interface Task {
   id: number;
   name: string;
@@ -10,11 +12,17 @@ export interface Task {
 }
 
 self.onmessage = async ({ data: task }: MessageEvent<Task>) => {
+  const { id, name, data } = task;
   try {
-    const shown = await read(task.name, task.data, task.coloured);
-    const buffers = [shown.positions.buffer, ...(shown.colours ? [shown.colours.buffer] : [])];
-    self.postMessage({ id: task.id, shown }, { transfer: buffers });
+    if (name === "zip") {
+      const result = unzip(data);
+      self.postMessage({ id, result }, { transfer: Object.values(result).map(({ buffer }) => buffer) });
+      return;
+    }
+    const result = await read(name, data, task.coloured);
+    const buffers = [result.positions.buffer, ...(result.colours ? [result.colours.buffer] : [])];
+    self.postMessage({ id, result }, { transfer: buffers });
   } catch (error) {
-    self.postMessage({ id: task.id, error: String(error) });
+    self.postMessage({ id, error: String(error) });
   }
 };

@@ -11,6 +11,7 @@ from playwright.sync_api import Playwright, expect
 
 from meshconv3d.model.loading import load_mesh
 from meshconv3d.model.samples import sample_paths
+from tests.model.loading.loading_builders import archive
 from tests.processes import until
 from tests.service.page.conftest import SOFTWARE, Visitor
 from tests.service.page.pixels import blue, changed, orange, pixels
@@ -48,17 +49,56 @@ def test_a_file_of_every_format_is_drawn_and_classified(visitor: Visitor) -> Non
         expect(visitor.at("#result")).to_contain_text(f"Closed, in one piece, {faces} faces")
 
 
-def test_gltf_with_its_buffers_inside(visitor: Visitor) -> None:
+def gltf_in_pieces(uri: str) -> tuple[bytes, bytes]:
+    """A sample as glTF, whose buffer is at an address, and that buffer."""
     content = SAMPLES["two_balls"].read_bytes()
     length = int.from_bytes(content[12:16], "little")
     document = json.loads(content[20 : 20 + length])
     buffer = content[28 + length :][: document["buffers"][0]["byteLength"]]
-    uri = "data:application/octet-stream;base64," + base64.b64encode(buffer).decode()
     document["buffers"] = [{"byteLength": len(buffer), "uri": uri}]
-    text = json.dumps(document).encode()
-    visitor.give({"name": "balls.gltf", "mimeType": "", "buffer": text})
+    return json.dumps(document).encode(), buffer
+
+
+def test_gltf_with_its_buffers_inside(visitor: Visitor) -> None:
+    _, buffer = gltf_in_pieces("")
+    uri = "data:application/octet-stream;base64," + base64.b64encode(buffer).decode()
+    gltf, _ = gltf_in_pieces(uri)
+    visitor.give({"name": "balls.gltf", "mimeType": "", "buffer": gltf})
     visitor.drawn()
     expect(visitor.at(".verdict")).to_have_text("two balls")
+
+
+def test_an_archive_of_meshes_is_a_gallery(visitor: Visitor) -> None:
+    """Each mesh inside is an entry, with its pieces; hidden files and others are none."""
+    gltf, buffer = gltf_in_pieces("data/balls.bin")
+    lamp = SAMPLES["lamp"].read_bytes()
+    files = {
+        "scans/lamp.obj": lamp,
+        "scans/balls.gltf": gltf,
+        "scans/data/balls.bin": buffer,
+        "hand.stl": SAMPLES["hand"].read_bytes(),
+        "read me.txt": b"text",
+        "inner.zip": archive({"lamp.obj": lamp}),
+        "__MACOSX/._hand.stl": b"hidden",
+    }
+    visitor.give({"name": "all.zip", "mimeType": "", "buffer": archive(files)})
+    expect(visitor.at("#entries .card.done .card-name")).to_have_text(
+        ["lamp.obj", "balls.gltf", "hand.stl"]
+    )
+    expect(visitor.at("#entries .card-verdict")).to_contain_text(["lamp", "two balls", "hand"])
+    expect(visitor.at("#entries img")).to_have_count(3)
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [
+        (b"PK\3\4damaged", "no whole zip archive"),
+        (archive({"read me.txt": b"text"}), "holds no file of a format that is read"),
+    ],
+)
+def test_an_archive_without_meshes_says_so(visitor: Visitor, content: bytes, reason: str) -> None:
+    visitor.give({"name": "all.zip", "mimeType": "", "buffer": content})
+    expect(visitor.at("#result .reason")).to_contain_text(reason)
 
 
 def test_a_dragged_mesh_turns(visitor: Visitor) -> None:
@@ -163,7 +203,7 @@ def test_a_model_that_cannot_explain_says_so(visitor: Visitor) -> None:
 @pytest.mark.parametrize(
     ("file", "title", "reason"),
     [
-        (POINTS, "This file holds no usable mesh", "The file holds no triangles (2 points)"),
+        (POINTS, "This file holds no usable mesh", "There are no triangles (2 points)"),
         (POINTS | {"name": "cup.exe"}, "This format is not read", "does not name a format"),
         (POINTS | {"name": "cup.stl"}, "This format is not read", "is declared as stl"),
         (POINTS | {"buffer": b""}, "This file cannot be read", "The file is empty"),
