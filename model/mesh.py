@@ -47,7 +47,7 @@ def _check(vertices: NDArray, faces: NDArray) -> None:
     if faces.size == 0:
         raise UnusableMesh(
             "no-faces",
-            f"the file holds no triangles ({len(vertices)} points): "
+            f"there are no triangles ({len(vertices)} points): "
             "point clouds, curves and empty scenes cannot be classified; export a surface mesh",
         )
     if faces.ndim != 2 or faces.shape[1] != 3 or faces.dtype.kind not in "iu":
@@ -60,7 +60,7 @@ def _check(vertices: NDArray, faces: NDArray) -> None:
         raise UnusableMesh(
             "index-out-of-range",
             f"{outside} of {faces.size} face corners name a vertex that does not exist "
-            f"(valid: 0 to {len(vertices) - 1}); the file is damaged or was written wrongly",
+            f"(valid: 0 to {len(vertices) - 1}); correct the faces, or export the mesh again",
         )
     named = np.zeros(len(vertices), bool)
     named[faces] = True
@@ -69,7 +69,7 @@ def _check(vertices: NDArray, faces: NDArray) -> None:
         bad = np.count_nonzero(~np.isfinite(used).all(axis=1))
         raise UnusableMesh(
             "non-finite-vertices",
-            f"{bad} of {len(used)} vertices are NaN or infinite; repair the mesh and export again",
+            f"{bad} of {len(used)} vertices are NaN or infinite; repair or export the mesh again",
         )
     with np.errstate(over="ignore"):
         extent = np.ptp(used, axis=0)

@@ -19,7 +19,7 @@ def test_a_table_with_reasons_below(model_file: Path, meshes: Path) -> None:
     assert re.fullmatch(r"points\.obj +no-faces", rows[2])
     reasons = "".join(rows[5:])
     assert "cut.stl: " in reasons
-    assert "points.obj: the file holds no triangles" in reasons
+    assert "points.obj: there are no triangles" in reasons
 
 
 def test_the_bar_is_gone_at_the_end_and_the_cursor_back(model_file: Path, meshes: Path) -> None:
@@ -47,4 +47,4 @@ def test_a_file_name_commands_nothing(model_file: Path, tmp_path: Path) -> None:
     (tmp_path / "[bold]\x1b[2J\x07.obj").write_text("v 0 0 0\n")
     _, shown = at_a_terminal("classify", ".", "--model", model_file, cwd=tmp_path)
     assert shown[1].startswith("[bold]\ufffd[2J\ufffd.obj ")
-    assert shown[2].startswith("[bold]\ufffd[2J\ufffd.obj: the file holds no triangles")
+    assert shown[2].startswith("[bold]\ufffd[2J\ufffd.obj: there are no triangles")

@@ -252,7 +252,7 @@ def test_tables_at_a_terminal(model_file: Path, flawed: Path) -> None:
         ["box", "3", "1"],
         ["ring", "2", "1"],
     ]
-    assert shown[-2].startswith("box/test/points.obj: the file holds no triangles")
+    assert shown[-2].startswith("box/test/points.obj: there are no triangles")
     assert shown[-1].startswith("ring/test/cut.stl: ")
 
 
