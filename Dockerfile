@@ -1,4 +1,5 @@
-# Serving only: no torch, no onnx. The image holds the shipped models.
+# Serving only: no torch, no onnx. The image holds the shipped models. For STEP, FBX, COLLADA and USD:
+#   docker build --build-arg EXTRAS=formats .
 
 FROM python:3.12-slim AS build
 WORKDIR /src
@@ -8,14 +9,16 @@ COPY model model
 COPY export export
 COPY service service
 COPY meshconv3d meshconv3d
-RUN pip --python /opt/meshconv3d/bin/python install --no-cache-dir .
+ARG EXTRAS=""
+RUN pip --python /opt/meshconv3d/bin/python install --no-cache-dir ".${EXTRAS:+[$EXTRAS]}"
 
 FROM python:3.12-slim
 RUN useradd --system --uid 10001 --no-create-home meshconv3d
 COPY --from=build /opt/meshconv3d /opt/meshconv3d
 # The image holds compiled kernels, for any processor of its architecture, so that no start waits
 # for the compiler. They are only read. The root file system may be read-only, and /tmp with it:
-# the one place that is written to, for a socket, is the memory that every container has.
+# the one place that is written to, for a socket and the files of the extra `formats`, is the memory
+# that every container has.
 ENV PATH=/opt/meshconv3d/bin:$PATH \
     NUMBA_CACHE_DIR=/opt/numba \
     NUMBA_CPU_NAME=generic \

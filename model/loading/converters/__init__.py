@@ -25,7 +25,7 @@ from meshconv3d.model.loading.scene import Placed, flatten
 from meshconv3d.model.loading.triangles import Triangles, triangulate
 
 _MAIN = Path(__file__).with_name("main.py")
-_NO_MEMORY = 3  # exit status of `main`
+_NO_MEMORY, _NO_ROOM = 3, 4  # exit statuses of `main`
 _KEPT = ("PATH", "LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH")  # of the environment
 _ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "PXR_WORK_THREAD_LIMIT": "1"}
 
@@ -55,14 +55,13 @@ def _run(script: Path, data: bytes, limits: Limits) -> bytes:
     try:
         folder = tempfile.TemporaryDirectory(prefix="meshconv3d-")
     except OSError as error:
-        raise UnusableMesh(
-            "no-temporary-folder",
-            "reading this format needs a folder for temporary files, and there is none that can "
-            "be written: set TMPDIR, or convert the mesh to STL or GLB",
-        ) from error
+        raise _no_room() from error
     with folder as path:
         source, target = Path(path, "input"), Path(path, "output")
-        source.write_bytes(data)
+        try:
+            source.write_bytes(data)
+        except OSError as error:
+            raise _no_room() from error
         kept = {name: os.environ[name] for name in _KEPT if name in os.environ}
         bounds = map(str, (limits.converter_seconds, limits.unpacked_bytes))
         try:
@@ -84,7 +83,17 @@ def _run(script: Path, data: bytes, limits: Limits) -> bytes:
             ) from error
         if done.returncode == _NO_MEMORY:
             raise MemoryError
+        if done.returncode == _NO_ROOM:
+            raise _no_room()
         return target.read_bytes() if done.returncode == 0 and target.is_file() else b""
+
+
+def _no_room() -> UnusableMesh:
+    return UnusableMesh(
+        "no-temporary-folder",
+        "reading this format needs a folder for temporary files, and there is none that can be "
+        "written, or it is full: set TMPDIR, or convert the mesh to STL or GLB",
+    )
 
 
 @dataclass(frozen=True)
@@ -118,6 +127,6 @@ def _placed(arrays: NpzFile, limits: Limits) -> list[Placed]:
     ]
     shown, matrices = arrays["shown"], arrays["matrices"]
     return [
-        (_Polygons(*mesh, limits), matrices[shown == number])
-        for number, mesh in enumerate(zip(*columns, strict=True))
+        (_Polygons(vertices, corners, counts, limits), matrices[shown == number])
+        for number, (vertices, corners, counts) in enumerate(zip(*columns, strict=True))
     ]

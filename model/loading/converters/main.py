@@ -6,6 +6,7 @@ vectors) that place these. A script refuses a file by `sys.exit` with the reason
 """
 
 import ctypes
+import errno
 import os
 import resource
 import runpy
@@ -15,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-NO_MEMORY = 3  # exit status
+NO_MEMORY, NO_ROOM = 3, 4  # exit statuses
 
 
 def main() -> None:
@@ -32,10 +33,13 @@ def main() -> None:
                 file.write(found)
             else:
                 np.savez(file, **_arrays(*found))
+            file.flush()
         except SystemExit as refusal:
             np.savez(file, refusal=str(refusal))
         except MemoryError:
             os._exit(NO_MEMORY)
+        except OSError as error:
+            os._exit(NO_ROOM if error.errno == errno.ENOSPC else 1)
         except Exception:
             os._exit(1)
     os._exit(0)  # frees nothing, where some libraries crash

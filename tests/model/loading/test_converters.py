@@ -126,9 +126,13 @@ def test_a_hostile_file_ends_as_it_must(title):
 def test_a_process_that_fails_or_hangs_is_an_error(monkeypatch, tmp_path):
     program = tmp_path / "main.py"
     monkeypatch.setattr(converters, "_MAIN", program)
-    for text, kind in (("import os; os.abort()", MalformedFile), ("while 1: 1", UnusableMesh)):
+    for text, kind, reason in (
+        ("import os; os.abort()", MalformedFile, "fails on it"),
+        ("while 1: 1", UnusableMesh, "more than 1 seconds"),
+        ("raise SystemExit(4)", UnusableMesh, "set TMPDIR"),  # as `main` ends on a full disk
+    ):
         program.write_text(text)
-        with pytest.raises(kind):
+        with pytest.raises(kind, match=reason):
             load_mesh(BOXES["step"], "step", Limits(converter_seconds=1))
 
 
