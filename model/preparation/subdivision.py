@@ -1,4 +1,8 @@
-"""Subdivision of a mesh with too few faces: longest edges are split at their middle."""
+"""Subdivision of a mesh with too few faces: longest edges are split at their middle.
+
+Flat parts are triangulated anew before, so that the result depends on the surface, and not on how
+a file or a reader has cut its polygons.
+"""
 
 import heapq
 
@@ -6,7 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from meshconv3d.model.jit import kernel
+from meshconv3d.model.topology.geometry import cross, dot, length, row, subtract
 from meshconv3d.model.topology.halfedges import find_twins
+
+# Of the angle between the normals of two faces that are flat together, its cosine below 1.
+FLAT = 1e-6
+# Of the sine of an angle: what is left to rounding.
+ROUNDING = 1e-9
 
 
 def subdivide(
@@ -15,10 +25,18 @@ def subdivide(
     """Split longest edges at their middle, from below, to `budget` faces or one less.
 
     A mesh that has as many, or more, stays as it is. The surface stays where it is: an inner edge
-    splits two faces, a border edge one.
+    splits two faces, a border edge one. Vertices stay the first.
     """
+    room = budget - len(faces)
+    if room <= 0:
+        return vertices, faces
+    faces = faces.copy()
+    flip_flat_edges(vertices, faces, find_twins(faces, len(vertices))[0])
+    # In an order of their own: each from its first vertex on, and by its corners.
+    first = faces.argmin(axis=1)[:, None]
+    faces = np.take_along_axis(faces, (first + np.arange(3)) % 3, axis=1)
+    faces = faces[np.lexsort(faces.T[::-1])]
     twin, _, _ = find_twins(faces, len(vertices))
-    room = max(budget - len(faces), 0)
     split_vertices = np.concatenate([vertices, np.empty((room, 3))])
     split_faces = np.concatenate([faces, np.empty((room, 3), np.int32)])
     split_twin = np.concatenate([twin, np.full(3 * room, -1, np.int32)])
@@ -26,6 +44,76 @@ def subdivide(
         split_vertices, split_faces, split_twin, len(vertices), len(faces)
     )
     return split_vertices[:vertex_count], split_faces[:face_count]
+
+
+@kernel
+def flip_flat_edges(
+    vertices: NDArray[np.float64], faces: NDArray[np.int32], twin: NDArray[np.int32]
+) -> None:
+    """Make the flat parts of an oriented manifold Delaunay, in place.
+
+    An edge of two faces of one plane becomes the other diagonal of their quadrilateral where the
+    angles across from it are more than 180 degrees together. Rectangles keep the diagonal that they
+    have: it is the longest edge, and split at the same point.
+    """
+    for _ in range(len(faces)):
+        flips = 0
+        for h in range(len(twin)):
+            if twin[h] > h and _is_to_flip(vertices, faces, h, twin[h]):
+                _flip(faces, twin, h, twin[h])
+                flips += 1
+        if flips == 0:
+            break
+
+
+@kernel
+def _is_to_flip(vertices: NDArray[np.float64], faces: NDArray[np.int32], h: int, t: int) -> bool:
+    a, b, c = _corners(faces, h)
+    start, _, d = _corners(faces, t)
+    if start != b or c == d or _is_edge(faces, c, d):
+        return False
+    pa, pb, pc, pd = row(vertices, a), row(vertices, b), row(vertices, c), row(vertices, d)
+    ca, cb, da, db = subtract(pa, pc), subtract(pb, pc), subtract(pa, pd), subtract(pb, pd)
+    one, other = cross(ca, cb), cross(db, da)
+    if dot(one, other) < (1 - FLAT) * length(one) * length(other):
+        return False
+    # Sine of the sum of the angles at c and d, times the lengths of their sides.
+    sine = length(one) * dot(da, db) + length(other) * dot(ca, cb)
+    return sine < -ROUNDING * length(ca) * length(cb) * length(da) * length(db)
+
+
+@kernel
+def _corners(faces: NDArray[np.int32], h: int) -> tuple[int, int, int]:
+    """Start and end of a half-edge, and the corner across."""
+    f, s = h // 3, h % 3
+    return faces[f, s], faces[f, (s + 1) % 3], faces[f, (s + 2) % 3]
+
+
+@kernel
+def _is_edge(faces: NDArray[np.int32], c: int, d: int) -> bool:
+    for f in range(len(faces)):
+        for s in range(3):
+            a, b = faces[f, s], faces[f, (s + 1) % 3]
+            if (a == c and b == d) or (a == d and b == c):
+                return True
+    return False
+
+
+@kernel
+def _flip(faces: NDArray[np.int32], twin: NDArray[np.int32], h: int, t: int) -> None:
+    """Replace the edge of half-edges h and t by the other diagonal of its two faces."""
+    a, b, c = _corners(faces, h)
+    _, _, d = _corners(faces, t)
+    f, g = h // 3, t // 3
+    after, before = twin[3 * f + (h + 1) % 3], twin[3 * f + (h + 2) % 3]
+    after_twin, before_twin = twin[3 * g + (t + 1) % 3], twin[3 * g + (t + 2) % 3]
+    faces[f, 0], faces[f, 1], faces[f, 2] = d, c, a
+    faces[g, 0], faces[g, 1], faces[g, 2] = c, d, b
+    _pair(twin, 3 * f, 3 * g)
+    _pair(twin, 3 * f + 1, before)
+    _pair(twin, 3 * f + 2, after_twin)
+    _pair(twin, 3 * g + 1, before_twin)
+    _pair(twin, 3 * g + 2, after)
 
 
 @kernel
