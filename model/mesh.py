@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from meshconv3d.model.errors import UnusableMesh
+from meshconv3d.model.jit import kernel
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,8 +27,9 @@ class Mesh:
     def __init__(self, vertices: ArrayLike, faces: ArrayLike, note: str = "") -> None:
         vertex_array = np.array(vertices, dtype=np.float64, order="C")
         face_array = np.asarray(faces)
-        _check(vertex_array, face_array)
+        _check_shape(vertex_array, face_array)
         face_array = np.array(face_array, dtype=np.int32, order="C")
+        _check_extent(vertex_array, face_array)
         vertex_array.setflags(write=False)
         face_array.setflags(write=False)
         object.__setattr__(self, "vertices", vertex_array)
@@ -39,7 +41,7 @@ class Mesh:
         return Mesh(vertices, self.faces)
 
 
-def _check(vertices: NDArray, faces: NDArray) -> None:
+def _check_shape(vertices: NDArray, faces: NDArray) -> None:
     if vertices.ndim != 2 or vertices.shape[1] != 3:
         raise UnusableMesh(
             "bad-vertices", f"vertices must be an array of V x 3 numbers, got {vertices.shape}"
@@ -62,26 +64,53 @@ def _check(vertices: NDArray, faces: NDArray) -> None:
             f"{outside} of {faces.size} face corners name a vertex that does not exist "
             f"(valid: 0 to {len(vertices) - 1}); correct the faces, or export the mesh again",
         )
-    named = np.zeros(len(vertices), bool)
-    named[faces] = True
-    used = vertices[named]
-    if not np.isfinite(used).all():
-        bad = np.count_nonzero(~np.isfinite(used).all(axis=1))
+
+
+def _check_extent(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> None:
+    used, bad, low, high = _measure(vertices, faces)
+    if bad:
         raise UnusableMesh(
             "non-finite-vertices",
-            f"{bad} of {len(used)} vertices are NaN or infinite; repair or export the mesh again",
+            f"{bad} of {used} vertices are NaN or infinite; repair or export the mesh again",
         )
     with np.errstate(over="ignore"):
-        extent = np.ptp(used, axis=0)
+        extent = high - low
     if not np.isfinite(extent).all():
         raise UnusableMesh(
             "extent-overflow",
-            f"the mesh spans {used.min():.3g} to {used.max():.3g}, "
+            f"the mesh spans {low.min():.3g} to {high.max():.3g}, "
             "more than a floating-point number can measure; scale it down",
         )
     if not extent.any():
         raise UnusableMesh(
             "zero-extent",
-            f"all {len(used)} vertices lie in one point; export the mesh "
+            f"all {used} vertices lie in one point; export the mesh "
             "again, in units in which it does not vanish",
         )
+
+
+@kernel
+def _measure(
+    vertices: NDArray[np.float64], faces: NDArray[np.int32]
+) -> tuple[int, int, NDArray[np.float64], NDArray[np.float64]]:
+    """(used, bad, low, high): how many vertices faces use, how many of these are not finite, and
+    the lowest and highest coordinates of the others."""
+    named = np.zeros(len(vertices), np.bool_)
+    for f in range(len(faces)):
+        for s in range(3):
+            named[faces[f, s]] = True
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    used = 0
+    bad = 0
+    for v in range(len(vertices)):
+        if not named[v]:
+            continue
+        used += 1
+        x, y, z = vertices[v, 0], vertices[v, 1], vertices[v, 2]
+        if not (np.isfinite(x) and np.isfinite(y) and np.isfinite(z)):
+            bad += 1
+            continue
+        for k in range(3):
+            low[k] = min(low[k], vertices[v, k])
+            high[k] = max(high[k], vertices[v, k])
+    return used, bad, low, high

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from meshconv3d.model.errors import UnusableMesh
 from meshconv3d.model.mesh import Mesh
-from meshconv3d.model.preparation.cleaning import CleanSurface, bounding_cube, clean
+from meshconv3d.model.preparation.cleaning import CleanSurface, clean
 from meshconv3d.model.preparation.parts import (
     drop_dust,
     fitting_parts,
@@ -152,8 +152,7 @@ def prepare_placed(mesh: Mesh, face_budget: int) -> tuple[Mesh, MeshReport, Plac
         note=note,
     )
     centre, radius = _sphere(vertices, faces)
-    corner, size = bounding_cube(mesh)
-    placement = Placement(corner + size * centre, size * radius)
+    placement = Placement(surface.corner + surface.size * centre, surface.size * radius)
     return Mesh((vertices - centre) / radius, faces), report, placement
 
 
@@ -164,7 +163,7 @@ def _resample(
 ]:
     """Bring a surface to the budget. Returns (vertices, faces, how, the surface without the parts
     that were dropped)."""
-    vertices, faces, counts, twin, component = surface
+    vertices, faces, counts, twin, component, *_ = surface
     how, parts = "none", counts["components"]
     if len(faces) > budget:
         vertices, faces, origin = simplify(vertices, faces, twin, budget)

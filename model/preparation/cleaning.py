@@ -12,15 +12,19 @@ from numpy.typing import NDArray
 from meshconv3d.model.errors import UnusableMesh
 from meshconv3d.model.jit import kernel
 from meshconv3d.model.mesh import Mesh
-from meshconv3d.model.preparation.shell import find_root, find_walls, join
+from meshconv3d.model.preparation.shell import find_walls
 from meshconv3d.model.topology.geometry import (
     FaceGeometry,
-    bounds,
-    face_areas,
+    cross,
+    dot,
     face_geometry,
+    length,
+    row,
+    subtract,
     surface_centroid,
+    write,
 )
-from meshconv3d.model.topology.halfedges import counting_sort, find_twins
+from meshconv3d.model.topology.halfedges import counting_sort, find_twins, pair_edges, sort_edges
 
 # The welding grid divides each axis of the unit box into 2^20 steps, 1e-6 of the mesh's size:
 # coarser than the rounding of float32 coordinates, finer than any edge worth keeping. Coordinates
@@ -47,6 +51,7 @@ class CleanSurface(NamedTuple):
 
     vertices: V x 3 float64. faces: F x 3 int32. counts: the fields of `MeshReport` that cleaning
     decides. twin: H int32. component: F int32, the part of each face; parts share no edge.
+    corner, size: of the unit box in the file, its lowest corner, 3 float64, and its side.
     """
 
     vertices: NDArray[np.float64]
@@ -54,6 +59,8 @@ class CleanSurface(NamedTuple):
     counts: dict[str, Any]
     twin: NDArray[np.int32]
     component: NDArray[np.int32]
+    corner: NDArray[np.float64]
+    size: float
 
 
 def clean(mesh: Mesh) -> CleanSurface:
@@ -63,8 +70,8 @@ def clean(mesh: Mesh) -> CleanSurface:
     file: what breaks ties by order later breaks them alike however the mesh is written down. Raises
     UnusableMesh where no face has an area.
     """
-    vertices, faces, merged = weld(*_into_unit_box(mesh))
-    vertices_in = len(vertices) + merged
+    vertices, faces, vertices_in, corner, size = weld(mesh)
+    merged = vertices_in - len(vertices)
     faces, degenerate = drop_degenerate(vertices, faces)
     if len(faces) == 0:
         raise UnusableMesh(
@@ -73,19 +80,23 @@ def clean(mesh: Mesh) -> CleanSurface:
             "points; export the surface, in units in which it does not vanish",
         )
     faces, winding, duplicates = merge_duplicates(faces, len(vertices))
-    touching, _, nonmanifold = find_twins(faces, len(vertices), False)
-    walls = 0
+    edges = sort_edges(faces, len(vertices))
+    twin, border, nonmanifold = pair_edges(faces, edges, False)
+    apart, walls = nonmanifold, 0
     if nonmanifold:
-        outer = ~find_walls(vertices, faces)
+        outer = ~find_walls(vertices, faces, edges)
         walls = len(faces) - int(np.count_nonzero(outer))
         if walls:
             faces, winding = faces[outer], winding[outer]
-            touching, _, _ = find_twins(faces, len(vertices), False)
-    flip, touching = wind_alike(faces, touching)
-    vertices, faces, copies = split_vertices(vertices, faces, touching)
-    faces = turned(faces, flip)
-    twin, border, _ = find_twins(faces, len(vertices))
-    component, _, components = spread_orientation(faces, twin)
+            twin, border, apart = find_twins(faces, len(vertices), False)
+    component, flip, components = spread_orientation(faces, twin)
+    cuts = cut_one_sided(faces, twin, flip)
+    vertices, faces, copies = split_vertices(vertices, faces, twin)
+    turn_faces(faces, twin, flip)
+    if apart or cuts:
+        # Where surfaces came apart, two faces of one may still share the edge.
+        twin, border, _ = find_twins(faces, len(vertices))
+        component, _, components = spread_orientation(faces, twin)
     inward = face_inward(
         vertices, faces, twin, component, components, np.where(flip, -winding, winding)
     )
@@ -104,73 +115,119 @@ def clean(mesh: Mesh) -> CleanSurface:
         "watertight": border == 0,
     }
     turn_faces(faces, twin, inward)
-    return CleanSurface(vertices, faces, counts, twin, component)
-
-
-def _into_unit_box(mesh: Mesh) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-    """Move the used vertices into [0, 1]^3, so that tolerances mean the same for every mesh."""
-    corner, size = bounding_cube(mesh)
-    return (mesh.vertices - corner) / size, mesh.faces
-
-
-def bounding_cube(mesh: Mesh) -> tuple[NDArray[np.float64], float]:
-    """Lowest corner, 3 float64, and side of the least cube from there around all faces."""
-    low, high = bounds(mesh.vertices, mesh.faces)
-    return low, float((high - low).max())
+    return CleanSurface(vertices, faces, counts, twin, component, corner, size)
 
 
 def weld(
-    vertices: NDArray[np.float64], faces: NDArray[np.int32]
-) -> tuple[NDArray[np.float64], NDArray[np.int32], int]:
-    """Move vertices to the grid and merge those on one point; drop the ones no face uses.
+    mesh: Mesh,
+) -> tuple[NDArray[np.float64], NDArray[np.int32], int, NDArray[np.float64], float]:
+    """Move the used vertices into the unit box, to its grid, and merge those on one point.
 
-    Returns (vertices, faces, merged), the vertices sorted by their coordinates. On the grid, the
-    rounding of another unit or origin is gone.
+    In the unit box, tolerances mean the same for every mesh; on the grid, the rounding of another
+    unit or origin is gone. Returns (vertices, faces, used, corner, size): the vertices sorted by
+    their coordinates; how many were used; and of the box, its lowest corner and its side.
     """
-    vertices, corners = drop_unused(vertices, faces)
-    steps = np.rint(vertices * GRID_STEPS + GRID_SHIFT).astype(np.int64)
-    keys = (steps[:, 0] << (2 * GRID_BITS)) | (steps[:, 1] << GRID_BITS) | steps[:, 2]
-    points, merged_into = np.unique(keys, return_inverse=True)
-    places = np.stack([points >> (2 * GRID_BITS), points >> GRID_BITS, points], axis=1)
-    welded = merged_into[corners].astype(np.int32)
-    places &= (1 << GRID_BITS) - 1
-    return places / GRID_STEPS, welded, len(keys) - len(points)
+    number, keys, corner, size = _grid_keys(mesh.vertices, mesh.faces)
+    vertices, faces = _merge_points(mesh.faces, number, keys, np.argsort(keys))
+    return vertices, faces, len(keys), corner, size
 
 
+@kernel
+def _grid_keys(
+    vertices: NDArray[np.float64], faces: NDArray[np.int32]
+) -> tuple[NDArray[np.int32], NDArray[np.int64], NDArray[np.float64], float]:
+    """(number, keys, corner, size): the vertices that faces use, as points of the grid.
+
+    number: V int32, the place of each vertex among those used, -1 for others. keys: of each used
+    one, its three coordinates in grid steps, as one number. corner, size: of the unit box.
+    """
+    number = np.full(len(vertices), -1, np.int32)
+    for f in range(len(faces)):
+        for s in range(3):
+            number[faces[f, s]] = 0
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    count = 0
+    for v in range(len(vertices)):
+        if number[v] == 0:
+            number[v] = count
+            count += 1
+            for k in range(3):
+                low[k] = min(low[k], vertices[v, k])
+                high[k] = max(high[k], vertices[v, k])
+    size = (high - low).max()
+    keys = np.zeros(count, np.int64)
+    for v in range(len(vertices)):
+        if number[v] >= 0:
+            for k in range(3):
+                step = np.rint((vertices[v, k] - low[k]) / size * GRID_STEPS + GRID_SHIFT)
+                keys[number[v]] = (keys[number[v]] << GRID_BITS) | np.int64(step)
+    return number, keys, low, size
+
+
+@kernel
+def _merge_points(
+    faces: NDArray[np.int32],
+    number: NDArray[np.int32],
+    keys: NDArray[np.int64],
+    order: NDArray[np.int64],
+) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """Vertices and faces with one vertex for each key, in ascending `order`; see `_grid_keys`."""
+    points = np.empty((len(keys), 3))
+    merged_into = np.empty(len(keys), np.int32)
+    last = (1 << GRID_BITS) - 1
+    count = 0
+    for place in range(len(order)):
+        key = keys[order[place]]
+        if place == 0 or key != keys[order[place - 1]]:
+            x, y, z = key >> (2 * GRID_BITS), (key >> GRID_BITS) & last, key & last
+            write(points, count, (x / GRID_STEPS, y / GRID_STEPS, z / GRID_STEPS))
+            count += 1
+        merged_into[order[place]] = count - 1
+    welded = np.empty((len(faces), 3), np.int32)
+    for f in range(len(faces)):
+        for s in range(3):
+            welded[f, s] = merged_into[number[faces[f, s]]]
+    return points[:count].copy(), welded
+
+
+@kernel
 def drop_degenerate(
     vertices: NDArray[np.float64], faces: NDArray[np.int32]
 ) -> tuple[NDArray[np.int32], int]:
     """Drop faces that name a vertex twice or have no height. Returns (faces, dropped)."""
-    sound = faces[_have_height(vertices, faces, face_areas(vertices, faces))]
-    return sound, len(faces) - len(sound)
+    sound = np.empty_like(faces)
+    count = 0
+    for f in range(len(faces)):
+        a, b, c = row(vertices, faces[f, 0]), row(vertices, faces[f, 1]), row(vertices, faces[f, 2])
+        ab, bc, ac = subtract(b, a), subtract(c, b), subtract(c, a)
+        longest = max(dot(ab, ab), dot(bc, bc), dot(ac, ac))
+        if length(cross(ab, ac)) > FLATNESS * longest:
+            write(sound, count, row(faces, f))
+            count += 1
+    return sound[:count].copy(), len(faces) - count
 
 
 @kernel
-def _have_height(
-    vertices: NDArray[np.float64], faces: NDArray[np.int32], areas: NDArray[np.float64]
-) -> NDArray[np.bool_]:
-    """Which triangles (F) have more than FLATNESS of the area that their longest side allows."""
-    sound = np.empty(len(faces), np.bool_)
-    for f in range(len(faces)):
-        longest = 0.0
-        for s in range(3):
-            u, v = faces[f, s], faces[f, (s + 1) % 3]
-            square = 0.0
-            for k in range(3):
-                step = vertices[u, k] - vertices[v, k]
-                square += step * step
-            longest = max(longest, square)
-        sound[f] = 2 * areas[f] > FLATNESS * longest
-    return sound
-
-
 def drop_unused(
     vertices: NDArray[np.float64], faces: NDArray[np.int32]
 ) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
     """Drop the vertices that no face uses, keeping the order of the others."""
-    named = np.zeros(len(vertices), bool)
-    named[faces] = True
-    return vertices[named], (np.cumsum(named) - 1)[faces].astype(np.int32)
+    number = np.full(len(vertices), -1, np.int32)
+    for f in range(len(faces)):
+        for s in range(3):
+            number[faces[f, s]] = 0
+    used = np.empty_like(vertices)
+    count = 0
+    for v in range(len(vertices)):
+        if number[v] == 0:
+            number[v] = count
+            write(used, count, row(vertices, v))
+            count += 1
+    renumbered = np.empty_like(faces)
+    for f in range(len(faces)):
+        for s in range(3):
+            renumbered[f, s] = number[faces[f, s]]
+    return used[:count].copy(), renumbered
 
 
 @kernel
@@ -197,16 +254,20 @@ def merge_duplicates(
     votes = np.zeros(len(faces), np.int64)
     count = 0
     for f in order:
-        same = count > 0
-        for k in range(3):
-            same = same and corners[k, f] == merged[count - 1, k]
-        if not same:
-            merged[count] = corners[:, f]
+        low, middle, high = corners[0, f], corners[1, f], corners[2, f]
+        if (
+            count == 0
+            or low != merged[count - 1, 0]
+            or middle != merged[count - 1, 1]
+            or high != merged[count - 1, 2]
+        ):
+            write(merged, count, (low, middle, high))
             count += 1
         votes[count - 1] += upwards[f]
     return merged[:count].copy(), np.sign(votes[:count]).astype(np.int8), len(faces) - count
 
 
+@kernel
 def split_vertices(
     vertices: NDArray[np.float64], faces: NDArray[np.int32], twin: NDArray[np.int32]
 ) -> tuple[NDArray[np.float64], NDArray[np.int32], int]:
@@ -214,60 +275,58 @@ def split_vertices(
 
     twin: H int32, with non-manifold edges left unpaired. Surfaces that touch in a corner come
     apart there; around a non-manifold edge every fan ends at that edge, so that afterwards no
-    edge has more than two faces.
+    edge has more than two faces. The vertices come in the order of the corners that name them.
     """
-    fan = _glue_corners(faces, twin)
-    # Every fan becomes a vertex, in the order of its first corner, which is its root.
-    is_root = fan == np.arange(len(fan))
-    split_faces = (np.cumsum(is_root) - 1)[fan].reshape(faces.shape).astype(np.int32)
-    origin = faces.reshape(-1)[is_root]
-    return vertices[origin], split_faces, len(origin) - int(np.count_nonzero(np.bincount(origin)))
+    split = np.full((len(faces), 3), -1, np.int32)
+    origin = np.empty(len(twin), np.int32)
+    has_fan = np.zeros(len(vertices), np.bool_)
+    count = 0
+    copies = 0
+    for f in range(len(faces)):
+        for s in range(3):
+            if split[f, s] >= 0:
+                continue
+            v = faces[f, s]
+            origin[count] = v
+            copies += has_fan[v]
+            has_fan[v] = True
+            split[f, s] = count
+            # From face to face across both sides of the corner, to a border or once around.
+            for start in (s, (s + 2) % 3):
+                t = twin[3 * f + start]
+                while t >= 0:
+                    g, side = t // 3, t % 3
+                    corner = side if faces[g, side] == v else (side + 1) % 3
+                    if split[g, corner] >= 0:
+                        break
+                    split[g, corner] = count
+                    t = twin[3 * g + ((side + 2) % 3 if corner == side else corner)]
+            count += 1
+    places = np.empty((count, 3))
+    for v in range(count):
+        write(places, v, row(vertices, origin[v]))
+    return places, split, copies
 
 
 @kernel
-def _glue_corners(faces: NDArray[np.int32], twin: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Root corner of every corner (H int32), joining corners at one vertex across twins."""
-    parent = np.arange(len(twin)).astype(np.int32)
-    for h in range(len(twin)):
-        t = twin[h]
-        if t < h:
-            continue
-        f, g = h // 3, t // 3
-        for corner in (h % 3, (h % 3 + 1) % 3):
-            for other in (t % 3, (t % 3 + 1) % 3):
-                if faces[f, corner] == faces[g, other]:
-                    join(parent, 3 * f + corner, 3 * g + other)
-    for corner in range(len(twin)):
-        parent[corner] = find_root(parent, corner)
-    return parent
-
-
-def wind_alike(
-    faces: NDArray[np.int32], twin: NDArray[np.int32]
-) -> tuple[NDArray[np.bool_], NDArray[np.int32]]:
-    """Which faces to turn so that all of a component run alike.
-
-    Returns (flip, twin): flip, F bool; twin, the half-edges with a cut along the line where a
-    one-sided surface (a Moebius strip) runs against itself.
-    """
-    _, flip, _ = spread_orientation(faces, twin)
-    return flip, _cut_against(faces, twin, flip)
-
-
-@kernel
-def _cut_against(
+def cut_one_sided(
     faces: NDArray[np.int32], twin: NDArray[np.int32], flip: NDArray[np.bool_]
-) -> NDArray[np.int32]:
-    """The twins without those of faces that run against each other even so."""
-    cut = twin.copy()
+) -> int:
+    """Cut a one-sided surface (a Moebius strip) in place, where it runs against itself.
+
+    flip: F bool, which faces to turn so that all others of a component run alike. Returns how many
+    half-edges of `twin` have no twin any more.
+    """
+    cuts = 0
     for h in range(len(twin)):
         t = twin[h]
         if t >= 0:
             # Two faces wound alike run along their shared edge in opposite directions.
             opposed = faces[h // 3, h % 3] == faces[t // 3, t % 3]
             if opposed ^ flip[h // 3] ^ flip[t // 3]:
-                cut[h] = -1
-    return cut
+                twin[h] = -1
+                cuts += 1
+    return cuts
 
 
 @kernel
@@ -318,56 +377,62 @@ def face_inward(
     """
     geometry = face_geometry(vertices, faces)
     middle = surface_centroid(geometry)
-    areas, volumes, outwards = _enclosed(component, count, geometry, middle)
-    borders = np.bincount(component, (twin.reshape(-1, 3) < 0).sum(axis=1), count)
-    least = np.where(borders > 0, OPEN_VOLUME, CLOSED_VOLUME) * areas**1.5
-    seen = np.abs(outwards) > OPEN_VOLUME * areas**1.5
-    flat = np.where(seen, outwards < 0, np.bincount(component, winding, count) < 0)
-    turn = np.where(np.abs(volumes) > least, volumes < 0, flat)
-    return turn[component]
+    return _face_inward(geometry, middle, twin, component, count, winding)
 
 
 @kernel
-def _enclosed(
-    component: NDArray[np.int32], count: int, geometry: FaceGeometry, middle: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """(areas, volumes, outwards) of each of `count` components.
-
-    component: F int32, of every face. volumes: spanned by the component with its own centre;
-    outwards: with `middle`. Negative where it faces inward.
-    """
-    centroids, areas = geometry.corner_sums / 3, geometry.doubles / 2
-    total = np.zeros(count)
+def _face_inward(
+    geometry: FaceGeometry,
+    middle: NDArray[np.float64],
+    twin: NDArray[np.int32],
+    component: NDArray[np.int32],
+    count: int,
+    winding: NDArray[np.int8],
+) -> NDArray[np.bool_]:
+    """`face_inward`, of measured faces; middle: the centre of the whole mesh."""
+    areas = np.zeros(count)
     centres = np.zeros((count, 3))
+    votes = np.zeros(count, np.int64)
+    is_open = np.zeros(count, np.bool_)
     for f in range(len(component)):
-        total[component[f]] += areas[f]
+        part, area = component[f], geometry.doubles[f] / 2
+        areas[part] += area
         for k in range(3):
-            centres[component[f], k] += areas[f] * centroids[f, k]
+            centres[part, k] += area * (geometry.corner_sums[f, k] / 3)
+            is_open[part] |= twin[3 * f + k] < 0
+        votes[part] += winding[f]
     for part in range(count):
         for k in range(3):
-            centres[part, k] /= total[part]
-    own = np.zeros(count)
-    common = np.zeros(count)
+            centres[part, k] /= areas[part]
+    # Volumes that each component spans with its own centre and with the middle of the mesh.
+    own, common = np.zeros(count), np.zeros(count)
     for f in range(len(component)):
         part = component[f]
         height = 0.0
         height_common = 0.0
         for k in range(3):
-            height += (centroids[f, k] - centres[part, k]) * geometry.crosses[f, k]
-            height_common += (centroids[f, k] - middle[k]) * geometry.crosses[f, k]
+            centroid = geometry.corner_sums[f, k] / 3
+            height += (centroid - centres[part, k]) * geometry.crosses[f, k]
+            height_common += (centroid - middle[k]) * geometry.crosses[f, k]
         own[part] += height / 2
         common[part] += height_common / 2
-    return total, own / 3, common / 3
-
-
-def turned(faces: NDArray[np.int32], which: NDArray[np.bool_]) -> NDArray[np.int32]:
-    """The faces with the winding of some (F bool) reversed."""
-    return np.where(which[:, None], faces[:, ::-1], faces)
+    inward = np.empty(count, np.bool_)
+    for part in range(count):
+        volume, outward, unit = own[part] / 3, common[part] / 3, areas[part] ** 1.5
+        if abs(volume) > (OPEN_VOLUME if is_open[part] else CLOSED_VOLUME) * unit:
+            inward[part] = volume < 0
+        elif abs(outward) > OPEN_VOLUME * unit:
+            inward[part] = outward < 0
+        else:
+            inward[part] = votes[part] < 0
+    return inward[component]
 
 
 @kernel
 def turn_faces(faces: NDArray[np.int32], twin: NDArray[np.int32], which: NDArray[np.bool_]) -> None:
-    """Reverse the winding of whole components (F bool) in place: their first two sides swap."""
+    """Reverse the winding of some faces (F bool) in place: their first two sides swap."""
+    if not which.any():
+        return
     for f in range(len(faces)):
         if which[f]:
             faces[f, 0], faces[f, 2] = faces[f, 2], faces[f, 0]

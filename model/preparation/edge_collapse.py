@@ -21,13 +21,13 @@ THINNEST = 1e-6
 class HalfEdges(NamedTuple):
     """A manifold whose edges are collapsed in place.
 
-    vertices: V x 3 float64. faces: F x 3 int32, -1 in the first column of those that are gone.
-    twin: H int32. first: V int32, a half-edge that leaves each vertex, at a border the one with
-    all others to its left. valence: V int32, faces around each vertex. border: V bool.
+    vertices: V x 3 float64. start: H int32, the vertex that each half-edge leaves, -1 in faces that
+    are gone. twin: H int32. first: V int32, a half-edge that leaves each vertex, at a border the
+    one with all others to its left. valence: V int32, faces around each vertex. border: V bool.
     """
 
     vertices: NDArray[np.float64]
-    faces: NDArray[np.int32]
+    start: NDArray[np.int32]
     twin: NDArray[np.int32]
     first: NDArray[np.int32]
     valence: NDArray[np.int32]
@@ -39,17 +39,18 @@ def half_edges(
     vertices: NDArray[np.float64], faces: NDArray[np.int32], twin: NDArray[np.int32]
 ) -> HalfEdges:
     """Copy a manifold (twin: H int32), so that its edges can be collapsed."""
+    start = faces.copy().reshape(-1)
     first = np.full(len(vertices), -1, np.int32)
     valence = np.zeros(len(vertices), np.int32)
     border = np.zeros(len(vertices), np.bool_)
     for h in range(len(twin)):
-        u = faces[h // 3, h % 3]
+        u = start[h]
         valence[u] += 1
         if first[u] < 0 or twin[h] < 0:
             first[u] = h
         if twin[h] < 0:
-            border[u] = border[faces[h // 3, (h % 3 + 1) % 3]] = True
-    return HalfEdges(vertices.copy(), faces.copy(), twin.copy(), first, valence, border)
+            border[u] = border[start[next_side(h)]] = True
+    return HalfEdges(vertices.copy(), start, twin.copy(), first, valence, border)
 
 
 @kernel
@@ -80,21 +81,20 @@ def meets_link_condition(
     neighbours of u. False for an inner edge that joins two borders, for the edges of a tetrahedron
     and for those of a single triangle.
     """
-    faces, twin = mesh.faces, mesh.twin
+    start, twin = mesh.start, mesh.twin
     if twin[h] >= 0 and mesh.border[u] and mesh.border[v]:
         return False
     g = mesh.first[u]
     while True:
-        for s in range(3):
-            met[faces[g // 3, s]] = attempt
+        met[start[g]] = met[start[next_side(g)]] = met[start[previous_side(g)]] = attempt
         g = turn_left(mesh, g)
         if g < 0 or g == mesh.first[u]:
             break
     common = 0
     g = mesh.first[v]
     while True:
-        common += met[faces[g // 3, next_side(g) % 3]] == attempt
-        last = faces[g // 3, previous_side(g) % 3]
+        common += met[start[next_side(g)]] == attempt
+        last = start[previous_side(g)]
         g = turn_left(mesh, g)
         if g == mesh.first[v]:
             break
@@ -119,7 +119,7 @@ def effect_of_moving(mesh: HalfEdges, u: int, v: int, place: Vector) -> int:
     effect = SOUND
     g = mesh.first[u]
     while True:
-        x, y = mesh.faces[g // 3, next_side(g) % 3], mesh.faces[g // 3, previous_side(g) % 3]
+        x, y = mesh.start[next_side(g)], mesh.start[previous_side(g)]
         if x != v and y != v:
             corner = row(mesh.vertices, x)
             edge, side = subtract(row(mesh.vertices, y), corner), subtract(place, corner)
@@ -141,36 +141,36 @@ def collapse_edge(mesh: HalfEdges, h: int, u: int, v: int) -> int:
 
     Returns the number of faces that went, one at a border.
     """
-    faces, twin, first, valence = mesh.faces, mesh.twin, mesh.first, mesh.valence
+    start, twin, first, valence = mesh.start, mesh.twin, mesh.first, mesh.valence
     t = twin[h]
     g = first[v]
     while True:
-        faces[g // 3, g % 3] = u
+        start[g] = u
         g = turn_left(mesh, g)
         if g < 0 or g == first[v]:
             break
     # The corners across the edge, w left of it and x right of it, and the half-edges outside:
     # from w to v, from u to w, from x to u, from v to x.
-    w, wv, uw = faces[h // 3, previous_side(h) % 3], twin[next_side(h)], twin[previous_side(h)]
+    w, wv, uw = start[previous_side(h)], twin[next_side(h)], twin[previous_side(h)]
     pair(twin, wv, uw)
     if first[w] // 3 == h // 3:
         first[w] = wv
     valence[w] -= 1
     valence[u] += valence[v] - 2
-    start = first[v] if mesh.border[v] else first[u]
-    if start // 3 == h // 3 or start == t:
-        start = uw
+    leaving = first[v] if mesh.border[v] else first[u]
+    if leaving // 3 == h // 3 or leaving == t:
+        leaving = uw
     if t >= 0:
-        x, xu, vx = faces[t // 3, previous_side(t) % 3], twin[next_side(t)], twin[previous_side(t)]
+        x, xu, vx = start[previous_side(t)], twin[next_side(t)], twin[previous_side(t)]
         pair(twin, xu, vx)
         if first[x] // 3 == t // 3:
             first[x] = xu
         valence[x] -= 1
         valence[u] -= 2
-        if start == next_side(t):
-            start = vx
-        faces[t // 3, 0] = -1
-    faces[h // 3, 0] = -1
-    first[u] = start
+        if leaving == next_side(t):
+            leaving = vx
+        start[t] = start[next_side(t)] = start[previous_side(t)] = -1
+    start[h] = start[next_side(h)] = start[previous_side(h)] = -1
+    first[u] = leaving
     mesh.border[u] |= mesh.border[v]
     return 2 if t >= 0 else 1

@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from meshconv3d.model.jit import kernel
 from meshconv3d.model.preparation.cleaning import CleanSurface, drop_unused
 from meshconv3d.model.topology.geometry import face_areas
 
@@ -61,17 +62,46 @@ def scrap_area(surface: CleanSurface) -> float:
 
 def part_areas(surface: CleanSurface) -> NDArray[np.float64]:
     """Area of each part."""
-    return np.bincount(surface.component, face_areas(surface.vertices, surface.faces))
+    areas: NDArray[np.float64] = face_areas(surface.vertices, surface.faces)
+    return np.bincount(surface.component, areas)
 
 
 def keep_parts(surface: CleanSurface, kept_parts: NDArray[np.bool_]) -> CleanSurface:
     """The surface without its other parts; `components` is the only count that is of the rest."""
-    kept = kept_parts[surface.component]
-    # A face that is kept has kept neighbours.
-    renumbered = np.cumsum(kept) - 1
-    twin = surface.twin.reshape(-1, 3)[kept].reshape(-1)
-    twin = np.where(twin < 0, -1, 3 * renumbered[twin // 3] + twin % 3).astype(np.int32)
-    component = (np.cumsum(kept_parts) - 1)[surface.component[kept]].astype(np.int32)
-    vertices, faces = drop_unused(surface.vertices, surface.faces[kept])
+    faces, twin, component = _keep_parts(surface.faces, surface.twin, surface.component, kept_parts)
+    vertices, faces = drop_unused(surface.vertices, faces)
     counts = {**surface.counts, "components": int(np.count_nonzero(kept_parts))}
-    return CleanSurface(vertices, faces, counts, twin, component)
+    return surface._replace(
+        vertices=vertices, faces=faces, counts=counts, twin=twin, component=component
+    )
+
+
+@kernel
+def _keep_parts(
+    faces: NDArray[np.int32],
+    twin: NDArray[np.int32],
+    component: NDArray[np.int32],
+    kept_parts: NDArray[np.bool_],
+) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]:
+    """(faces, twin, component) of the parts that are kept, renumbered."""
+    parts = np.cumsum(kept_parts) - 1
+    places = np.empty(len(faces), np.int32)
+    count = 0
+    for f in range(len(faces)):
+        if kept_parts[component[f]]:
+            places[f] = count
+            count += 1
+    kept_faces = np.empty((count, 3), np.int32)
+    kept_twin = np.empty(3 * count, np.int32)
+    kept_component = np.empty(count, np.int32)
+    for f in range(len(faces)):
+        if not kept_parts[component[f]]:
+            continue
+        g = places[f]
+        kept_component[g] = parts[component[f]]
+        for s in range(3):
+            t = twin[3 * f + s]
+            kept_faces[g, s] = faces[f, s]
+            # A face that is kept has kept neighbours.
+            kept_twin[3 * g + s] = 3 * places[t // 3] + t % 3 if t >= 0 else -1
+    return kept_faces, kept_twin, kept_component

@@ -43,58 +43,73 @@ def vertex_quadrics(
         normal, area = scale(across, 1 / double), double / 2
         for s in range(3):
             u, v = faces[f, s], faces[f, (s + 1) % 3]
-            _add_plane(quadrics[u], normal, a, area)
-            _add_point(quadrics[u], row(vertices, u), area * POINT_WEIGHT)
+            _add_plane(quadrics, u, normal, a, area)
+            _add_point(quadrics, u, row(vertices, u), area * POINT_WEIGHT)
             if twin[3 * f + s] < 0:
                 start = row(vertices, u)
                 edge = subtract(row(vertices, v), start)
                 square = dot(edge, edge)
                 outward = scale(cross(edge, normal), 1 / np.sqrt(square))
                 for end in (u, v):
-                    _add_plane(quadrics[end], outward, start, square * BORDER_WEIGHT)
+                    _add_plane(quadrics, end, outward, start, square * BORDER_WEIGHT)
     return quadrics
 
 
 @kernel
-def _add_plane(quadric: NDArray[np.float64], normal: Vector, point: Vector, weight: float) -> None:
+def _add_plane(
+    quadrics: NDArray[np.float64], v: int, normal: Vector, point: Vector, weight: float
+) -> None:
     offset = -dot(normal, point)
     x, y, z = normal
     weighted_x, weighted_y, weighted_z = weight * x, weight * y, weight * z
-    quadric[0] += weighted_x * x
-    quadric[1] += weighted_x * y
-    quadric[2] += weighted_x * z
-    quadric[3] += weighted_y * y
-    quadric[4] += weighted_y * z
-    quadric[5] += weighted_z * z
-    quadric[6] += weighted_x * offset
-    quadric[7] += weighted_y * offset
-    quadric[8] += weighted_z * offset
-    quadric[9] += weight * offset * offset
+    quadrics[v, 0] += weighted_x * x
+    quadrics[v, 1] += weighted_x * y
+    quadrics[v, 2] += weighted_x * z
+    quadrics[v, 3] += weighted_y * y
+    quadrics[v, 4] += weighted_y * z
+    quadrics[v, 5] += weighted_z * z
+    quadrics[v, 6] += weighted_x * offset
+    quadrics[v, 7] += weighted_y * offset
+    quadrics[v, 8] += weighted_z * offset
+    quadrics[v, 9] += weight * offset * offset
 
 
 @kernel
-def _add_point(quadric: NDArray[np.float64], point: Vector, weight: float) -> None:
-    quadric[0] += weight
-    quadric[3] += weight
-    quadric[5] += weight
-    quadric[6] -= weight * point[0]
-    quadric[7] -= weight * point[1]
-    quadric[8] -= weight * point[2]
-    quadric[9] += weight * dot(point, point)
+def _add_point(quadrics: NDArray[np.float64], v: int, point: Vector, weight: float) -> None:
+    quadrics[v, 0] += weight
+    quadrics[v, 3] += weight
+    quadrics[v, 5] += weight
+    quadrics[v, 6] -= weight * point[0]
+    quadrics[v, 7] -= weight * point[1]
+    quadrics[v, 8] -= weight * point[2]
+    quadrics[v, 9] += weight * dot(point, point)
 
 
 @kernel
 def least_point(
-    p: NDArray[np.float64], q: NDArray[np.float64], start: Vector, end: Vector
+    quadrics: NDArray[np.float64], u: int, v: int, start: Vector, end: Vector
 ) -> tuple[Vector, float]:
-    """The point at which the sum of two quadrics is least, and that least value.
+    """The point at which the sum of two vertices' quadrics is least, and that least value.
 
     start, end: of the edge that is to become this point; its middle is taken where rounding leaves
     no single least point.
     """
-    xx, xy, xz = p[0] + q[0], p[1] + q[1], p[2] + q[2]
-    yy, yz, zz = p[3] + q[3], p[4] + q[4], p[5] + q[5]
-    x, y, z, constant = p[6] + q[6], p[7] + q[7], p[8] + q[8], p[9] + q[9]
+    xx, xy, xz = (
+        quadrics[u, 0] + quadrics[v, 0],
+        quadrics[u, 1] + quadrics[v, 1],
+        quadrics[u, 2] + quadrics[v, 2],
+    )
+    yy, yz, zz = (
+        quadrics[u, 3] + quadrics[v, 3],
+        quadrics[u, 4] + quadrics[v, 4],
+        quadrics[u, 5] + quadrics[v, 5],
+    )
+    x, y, z, constant = (
+        quadrics[u, 6] + quadrics[v, 6],
+        quadrics[u, 7] + quadrics[v, 7],
+        quadrics[u, 8] + quadrics[v, 8],
+        quadrics[u, 9] + quadrics[v, 9],
+    )
     # Cofactors of A, which is positive definite but for rounding.
     a, b, c = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
     d, e, f = xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy

@@ -13,37 +13,75 @@ from numpy.typing import NDArray
 
 from meshconv3d.model.jit import kernel
 from meshconv3d.model.topology.geometry import cross, dot, row, subtract
-from meshconv3d.model.topology.halfedges import ascends, end_of_edge, sort_edges
+from meshconv3d.model.topology.halfedges import ascends, end_of_edge
 
 
 @kernel
-def find_walls(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> NDArray[np.bool_]:
+def find_walls(
+    vertices: NDArray[np.float64],
+    faces: NDArray[np.int32],
+    edges: tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]],
+) -> NDArray[np.bool_]:
     """Faces (F bool) that are enclosed by others of their component.
 
-    A component that can be entered through a border has no walls. Time grows with the faces.
+    edges: what `sort_edges` returns. A component that can be entered through a border has no walls.
+    Time grows with the faces.
     """
-    side = np.arange(2 * len(faces))
-    component = np.arange(len(faces))
-    border = np.zeros(len(faces), np.bool_)
-    order, low, high = sort_edges(faces, len(vertices))
+    component, is_open = _components(faces, edges)
+    if is_open.all():
+        return np.zeros(len(faces), np.bool_)
+    side = np.arange(2 * len(faces)).astype(np.int32)
+    order, low, high = edges
     start = 0
     while start < len(order):
         end = end_of_edge(order, low, high, start)
-        around = order[start:end]
-        border[around[0] // 3] |= len(around) == 1
-        if len(around) > 2:
-            around = around[np.argsort(_angles(vertices, faces, around), kind="mergesort")]
-        for i in range(len(around)):
-            h, next_h = around[i], around[(i + 1) % len(around)]
-            join(component, h // 3, next_h // 3)
-            # The side of h that looks along the turn, and that of the next that looks against it.
-            join(
-                side,
-                2 * (h // 3) + (0 if ascends(faces, h) else 1),
-                2 * (next_h // 3) + (1 if ascends(faces, next_h) else 0),
-            )
+        if not is_open[order[start] // 3]:
+            if end - start == 2:
+                _join_sides(side, faces, order[start], order[start + 1])
+                _join_sides(side, faces, order[start + 1], order[start])
+            else:
+                around = order[start:end]
+                around = around[np.argsort(_angles(vertices, faces, around), kind="mergesort")]
+                for i in range(len(around)):
+                    _join_sides(side, faces, around[i], around[(i + 1) % len(around)])
         start = end
-    return _look_at_no_outside(vertices, faces, side, component, border)
+    for i in range(len(side)):
+        side[i] = find_root(side, i)
+    return _look_at_no_outside(vertices, faces, side, component, is_open)
+
+
+@kernel
+def _components(
+    faces: NDArray[np.int32],
+    edges: tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]],
+) -> tuple[NDArray[np.int32], NDArray[np.bool_]]:
+    """The first face of each face's component, F int32, and whether that has a border, F bool."""
+    component = np.arange(len(faces)).astype(np.int32)
+    is_open = np.zeros(len(faces), np.bool_)
+    order, low, high = edges
+    start = 0
+    while start < len(order):
+        end = end_of_edge(order, low, high, start)
+        is_open[order[start] // 3] |= end - start == 1
+        for i in range(start + 1, end):
+            join(component, order[i - 1] // 3, order[i] // 3)
+        start = end
+    for f in range(len(faces)):
+        component[f] = find_root(component, f)
+        is_open[component[f]] |= is_open[f]
+    for f in range(len(faces)):
+        is_open[f] = is_open[component[f]]
+    return component, is_open
+
+
+@kernel
+def _join_sides(side: NDArray[np.int32], faces: NDArray[np.int32], h: int, next_h: int) -> None:
+    """Join the side of h that looks along the turn, and that of the next that looks against it."""
+    join(
+        side,
+        2 * (h // 3) + (0 if ascends(faces, h) else 1),
+        2 * (next_h // 3) + (1 if ascends(faces, next_h) else 0),
+    )
 
 
 @kernel
@@ -75,23 +113,25 @@ def _angles(
 def _look_at_no_outside(
     vertices: NDArray[np.float64],
     faces: NDArray[np.int32],
-    side: NDArray[np.int64],
-    component: NDArray[np.int64],
-    border: NDArray[np.bool_],
+    side: NDArray[np.int32],
+    component: NDArray[np.int32],
+    is_open: NDArray[np.bool_],
 ) -> NDArray[np.bool_]:
-    """The outside of a component is, of the cells as long, wide and high as itself, the one that
-    spans the largest volume: inside is negative."""
+    """Which faces of closed components look at no outside.
+
+    side: 2 F int32, the cell that the front and the back of each face look at. The outside of a
+    component is, of the cells as long, wide and high as itself, the one that spans the largest
+    volume: inside is negative.
+    """
     volumes = np.zeros(len(side))
     low, high = np.full((len(side), 3), np.inf), np.full((len(side), 3), -np.inf)
     whole_low, whole_high = np.full((len(faces), 3), np.inf), np.full((len(faces), 3), -np.inf)
     for f in range(len(faces)):
+        if is_open[f]:
+            continue
         a, b, c = row(vertices, faces[f, 0]), row(vertices, faces[f, 1]), row(vertices, faces[f, 2])
         volume = dot(a, cross(b, c))
-        part, front, back = (
-            find_root(component, f),
-            find_root(side, 2 * f),
-            find_root(side, 2 * f + 1),
-        )
+        part, front, back = component[f], side[2 * f], side[2 * f + 1]
         volumes[front] += volume
         volumes[back] -= volume
         for k in range(3):
@@ -100,21 +140,22 @@ def _look_at_no_outside(
                 low[cell, k], high[cell, k] = min(low[cell, k], least), max(high[cell, k], most)
             whole_low[part, k] = min(whole_low[part, k], least)
             whole_high[part, k] = max(whole_high[part, k], most)
-    outside = np.full(len(faces), -1)
-    for i in range(len(side)):
-        cell, part = find_root(side, i), find_root(component, i // 2)
-        spans = (low[cell] == whole_low[part]).all() and (high[cell] == whole_high[part]).all()
+    outside = np.full(len(faces), -1, np.int32)
+    for cell in range(len(side)):
+        part = component[cell // 2]
+        spans = side[cell] == cell and not is_open[part]
+        for k in range(3):
+            spans &= low[cell, k] == whole_low[part, k] and high[cell, k] == whole_high[part, k]
         if spans and (outside[part] < 0 or volumes[cell] > volumes[outside[part]]):
             outside[part] = cell
-    leaks = np.zeros(len(faces), np.bool_)
+    leaks = is_open.copy()
+    for f in range(len(faces)):
+        part = component[f]
+        leaks[part] |= side[2 * f] == outside[part] and side[2 * f + 1] == outside[part]
     walls = np.zeros(len(faces), np.bool_)
     for f in range(len(faces)):
-        part = find_root(component, f)
-        front, back = find_root(side, 2 * f), find_root(side, 2 * f + 1)
-        leaks[part] |= border[f] or (front == outside[part] and back == outside[part])
-        walls[f] = front != outside[part] and back != outside[part]
-    for f in range(len(faces)):
-        walls[f] &= not leaks[find_root(component, f)]
+        out = outside[component[f]]
+        walls[f] = not leaks[component[f]] and side[2 * f] != out and side[2 * f + 1] != out
     return walls
 
 

@@ -24,6 +24,7 @@ from meshconv3d.model.preparation.edge_collapse import (
     effect_of_moving,
     half_edges,
     meets_link_condition,
+    next_side,
     previous_side,
     turn_left,
 )
@@ -65,8 +66,9 @@ def simplify(
     if living > 2 * MANY_BUDGETS * budget:
         living = _collapse_edges(mesh, quadrics, living, MANY_BUDGETS * budget, COARSE)
     _collapse_edges(mesh, quadrics, living, budget, FINE)
-    origin = np.flatnonzero(mesh.faces[:, 0] >= 0)
-    return *drop_unused(mesh.vertices, mesh.faces[origin]), origin
+    left = mesh.start.reshape(-1, 3)
+    origin = np.flatnonzero(left[:, 0] >= 0)
+    return *drop_unused(mesh.vertices, left[origin]), origin
 
 
 class Queue(NamedTuple):
@@ -115,9 +117,9 @@ def _collapse_edges(
         h = queue.head[current]
         queue.head[current] = queue.after[h]
         queue.after[h] = ABSENT
-        if mesh.faces[h // 3, 0] < 0:
+        if mesh.start[h] < 0:
             continue
-        u, v = mesh.faces[h // 3, h % 3], mesh.faces[h // 3, (h % 3 + 1) % 3]
+        u, v = mesh.start[h], mesh.start[next_side(h)]
         if mesh.valence[u] + mesh.valence[v] > MOST_FACES_AROUND:
             continue
         place, cost = _least_point(mesh, quadrics, u, v)
@@ -145,7 +147,7 @@ def _collapse_edges(
 def _least_point(
     mesh: HalfEdges, quadrics: NDArray[np.float64], u: int, v: int
 ) -> tuple[Vector, float]:
-    return least_point(quadrics[u], quadrics[v], row(mesh.vertices, u), row(mesh.vertices, v))
+    return least_point(quadrics, u, v, row(mesh.vertices, u), row(mesh.vertices, v))
 
 
 @kernel
@@ -154,9 +156,9 @@ def _push_all_edges(
 ) -> None:
     """Queue every edge, by the later of its half-edges."""
     for h in range(len(mesh.twin)):
-        if mesh.twin[h] > h or mesh.faces[h // 3, 0] < 0:
+        if mesh.twin[h] > h or mesh.start[h] < 0:
             continue
-        u, v = mesh.faces[h // 3, h % 3], mesh.faces[h // 3, (h % 3 + 1) % 3]
+        u, v = mesh.start[h], mesh.start[next_side(h)]
         _push(queue, h, _bucket(_least_point(mesh, quadrics, u, v)[1], shift))
 
 

@@ -37,9 +37,14 @@ def face_geometry(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> Fa
     return FaceGeometry(corner_sums, crosses, doubles)
 
 
+@kernel
 def face_areas(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> NDArray[np.float64]:
     """Area of each triangle, F float64, in the square of the vertices' unit."""
-    return face_geometry(vertices, faces).doubles / 2
+    areas = np.empty(len(faces))
+    for f in range(len(faces)):
+        a, b, c = row(vertices, faces[f, 0]), row(vertices, faces[f, 1]), row(vertices, faces[f, 2])
+        areas[f] = length(cross(subtract(b, a), subtract(c, a))) / 2
+    return areas
 
 
 def surface_area(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> float:
@@ -49,24 +54,17 @@ def surface_area(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> flo
 
 def surface_centroid(geometry: FaceGeometry) -> NDArray[np.float64]:
     """Mean of the surface's points, 3 float64: that of the face centroids, weighted by area."""
-    areas = geometry.doubles / 2
-    return (geometry.corner_sums / 3 * areas[:, None]).sum(axis=0) / areas.sum()
+    return _moment(geometry) / (geometry.doubles.sum() / 2)
 
 
 @kernel
-def bounds(
-    vertices: NDArray[np.float64], faces: NDArray[np.int32]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Lowest and highest coordinates of all corners of faces, 3 float64 each."""
-    low = np.full(3, np.inf)
-    high = np.full(3, -np.inf)
-    for f in range(len(faces)):
-        for s in range(3):
-            for k in range(3):
-                value = vertices[faces[f, s], k]
-                low[k] = min(low[k], value)
-                high[k] = max(high[k], value)
-    return low, high
+def _moment(geometry: FaceGeometry) -> NDArray[np.float64]:
+    """Sum of the face centroids times their areas."""
+    moment = np.zeros(3)
+    for f in range(len(geometry.doubles)):
+        for k in range(3):
+            moment[k] += geometry.corner_sums[f, k] / 3 * (geometry.doubles[f] / 2)
+    return moment
 
 
 @kernel

@@ -27,7 +27,17 @@ def find_twins(
     runs the other way, and the rest become borders; without pair_nonmanifold, all do. A face
     that names a vertex twice has no neighbours.
     """
-    order, low, high = sort_edges(faces, vertex_count)
+    return pair_edges(faces, sort_edges(faces, vertex_count), pair_nonmanifold)
+
+
+@kernel
+def pair_edges(
+    faces: NDArray[np.int32],
+    edges: tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]],
+    pair_nonmanifold: bool,
+) -> tuple[NDArray[np.int32], int, int]:
+    """`find_twins`, of what `sort_edges` returns."""
+    order, low, high = edges
     twin = np.full(3 * len(faces), -1, np.int32)
     border = 0
     nonmanifold = 0
