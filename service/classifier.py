@@ -16,7 +16,7 @@ from meshconv3d.model.calibration import softmax
 from meshconv3d.model.errors import Error, MeshError, UnusableMesh
 from meshconv3d.model.loading import Limits, load_mesh
 from meshconv3d.model.mesh import Mesh
-from meshconv3d.model.preparation import Placement, prepare_placed
+from meshconv3d.model.preparation import AREA_KEPT, MeshReport, Placement, prepare_placed
 from meshconv3d.model.samples import sample_paths
 from meshconv3d.model.topology.inputs import MeshInputs, collate, mesh_inputs
 from meshconv3d.service.models import DEFAULT_MODEL, Model, open_model
@@ -170,11 +170,17 @@ class Classifier:
             scores[0],
             softmax(scores[0] / self._temperature),
             float(novelty[0]),
-            None if self._novelty_limit is None else float(novelty[0]) > self._novelty_limit,
+            self._is_unknown(float(novelty[0]), report),
             report,
             timings,
         )
         return Pass(prepared, placement, inputs, evidence, prediction)
+
+    def _is_unknown(self, novelty: float, report: MeshReport) -> bool | None:
+        if self._novelty_limit is None:
+            return None
+        # Of a heap of scraps, too little is left to know it by.
+        return novelty > self._novelty_limit or report.area_kept < AREA_KEPT[0]
 
     def classify_many(self, meshes: Iterable[MeshSource]) -> Iterator[Prediction | MeshError]:
         """Classify meshes, each as `classify` takes it; yields for each its prediction or error."""

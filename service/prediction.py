@@ -35,8 +35,8 @@ class Prediction:
     """Class of one mesh.
 
     - `label`: name of the likeliest class. `probability`: its calibrated probability.
-    - `unknown`: whether the mesh is unlike every class, so that `label` is only the nearest; None
-      if the model cannot tell.
+    - `unknown`: whether the mesh is unlike every class, or left with less than 15 % of its area by
+      simplification, so that `label` is only the nearest; None if the model cannot tell.
     - `novelty`: out-of-distribution score, which `unknown` compares with the model's limit.
     - `classes`: names of the N_c classes. `scores`, N_c float32 logits, and `probabilities`, N_c
       float64, are in their order; `top` has them by name.
