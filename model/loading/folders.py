@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path, PurePosixPath
 from typing import BinaryIO
 
+from meshconv3d.model.errors import MalformedFile
 from meshconv3d.model.loading.archive import Archive
 from meshconv3d.model.loading.formats import ARCHIVE, FORMATS, named_format
 from meshconv3d.model.loading.gltf import piece_names
@@ -107,6 +108,15 @@ class MeshArchive:
         ]
         self.others = list(filter(has_other_format, shown))
 
+    def check_any(self) -> None:
+        """Raises MalformedFile where there is no mesh file."""
+        if not self.names:
+            raise MalformedFile(
+                "no-meshes",
+                "the ZIP archive holds no file of a format that is read; archives within it are "
+                "not opened",
+            )
+
     def size(self, name: str) -> int:
         """Bytes of a mesh file, as the archive declares it."""
         return self._archive.size(name)
@@ -140,10 +150,8 @@ def find_pieces(
     """
     if not data[:_STARTS].lstrip(_BLANKS).startswith((b"{", b"glTF")):
         return {}
-    names = piece_names(data)
-    limits.check("entries", len(names), f"the file names {len(names)} others")
     pieces: dict[str, bytes] = {}
-    for name in names:
+    for name in piece_names(data, limits):
         content = read(name)
         if content is not None:
             pieces[name] = content

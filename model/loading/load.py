@@ -127,12 +127,7 @@ def _only_mesh(data: bytes, limits: Limits) -> tuple[bytes, str, Mapping[str, by
         [name] = archive.names
         content = archive.read(name)
         return content, name, archive.pieces(name, content)
-    if not archive.names:
-        raise MalformedFile(
-            "no-meshes",
-            "the ZIP archive holds no file of a format that is read; archives within it are not "
-            "opened",
-        )
+    archive.check_any()
     shown = ", ".join(map(quoted, archive.names[:_SHOWN]))
     more = ", …" if len(archive.names) > _SHOWN else ""
     raise MalformedFile(

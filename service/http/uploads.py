@@ -49,6 +49,8 @@ MAX_PARAMETERS = 16
 PIECE_BYTES = 64 * 1024
 # Files of a form beside its meshes: buffers, pictures, materials.
 MAX_PIECES = 100
+# Files that one of its meshes may name, pictures included.
+MAX_NAMES = 1000
 LIMITS = Limits()  # of archives
 # Longest boundary of a form (RFC 2046, 5.1.1).
 MAX_BOUNDARY = 70
@@ -209,8 +211,8 @@ def _expanded(uploads: Sequence[Upload], most: int, total: int) -> list[Upload]:
     for upload in files:
         try:
             found = _unpacked(upload, places + 1, room)
-        except LimitExceeded as error:
-            found = [replace(upload, error=error)]
+        except MeshError as error:
+            found = [_refused(upload, error)]
         places -= len(found) - 1
         room -= sum(mesh.size for mesh in found if mesh is not upload)
         meshes += found
@@ -218,19 +220,15 @@ def _expanded(uploads: Sequence[Upload], most: int, total: int) -> list[Upload]:
 
 
 def _unpacked(upload: Upload, most: int, room: int) -> list[Upload]:
-    """The meshes in an upload that is a ZIP archive; others, and those that are damaged, as they
-    are.
+    """The meshes in an upload that is a ZIP archive; another one as it is.
 
-    most: meshes; room: bytes that they and their pieces may unpack to. Raises LimitExceeded.
+    most: meshes; room: bytes that they and their pieces may unpack to. Raises MeshError.
     """
     if not is_archive(upload.content, upload.declared):
         return [upload]
-    try:
-        archive = MeshArchive(
-            upload.content, replace(LIMITS, unpacked_bytes=room, piece_bytes=room)
-        )
-    except MeshError:
-        return [upload]
+    bounds = replace(LIMITS, unpacked_bytes=room, piece_bytes=room)
+    archive = MeshArchive(upload.content, bounds)
+    archive.check_any()
     if len(archive.names) > most:
         raise LimitExceeded("meshes", most, f"the archive holds {len(archive.names)} meshes")
     meshes: list[Upload] = []
@@ -241,18 +239,23 @@ def _unpacked(upload: Upload, most: int, room: int) -> list[Upload]:
             mesh = replace(mesh, content=archive.read(name))
             meshes.append(_with_pieces(mesh, partial(archive.pieces, name)))
         except MeshError as error:
-            meshes.append(replace(mesh, error=error))
+            meshes.append(_refused(mesh, error))
         size = max(declared, sum(mesh.size for mesh in meshes))
         if size > room:
             raise LimitExceeded("unpacked_bytes", room, f"the archive unpacks to {size} bytes")
-    return meshes or [upload]
+    return meshes
 
 
 def _with_pieces(upload: Upload, find: Callable[[bytes], dict[str, bytes]]) -> Upload:
     try:
         return replace(upload, pieces=find(upload.content))
     except MeshError as error:
-        return replace(upload, error=error)
+        return _refused(upload, error)
+
+
+def _refused(upload: Upload, error: MeshError) -> Upload:
+    error.__traceback__ = error.__cause__ = error.__context__ = None  # they hold the archive
+    return replace(upload, error=error)
 
 
 class _Beside:
@@ -270,7 +273,7 @@ class _Beside:
     def of(self, mesh: Upload) -> Callable[[bytes], dict[str, bytes]]:
         """Finds the pieces of a mesh, given its content."""
         read = partial(self._read, PurePath(mesh.name or "").parent)
-        return partial(find_pieces, read=read, limits=LIMITS)
+        return partial(find_pieces, read=read, limits=replace(LIMITS, entries=MAX_NAMES))
 
     def _read(self, folder: PurePath, piece: str) -> bytes | None:
         """The file at a path relative to a mesh, or else one of its name in any folder, since

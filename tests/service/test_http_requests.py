@@ -9,12 +9,14 @@ import socket
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
 
 import httpx
 import pytest
 
 from benchmarks.processes import computed_by
+from tests.model.loading.loading_builders import archive
 from tests.service.conftest import Service
 from tests.service.test_http_load import address
 
@@ -61,6 +63,11 @@ def binary(count: int, elements: bytes) -> bytes:
     return infer(start + elements, len(start))
 
 
+@cache
+def full_archive() -> bytes:
+    return archive({f"{number}.txt": "" for number in range(9_999)})
+
+
 REQUESTS: dict[str, Callable[[], bytes]] = {
     **{
         f"a form in {charset}": lambda charset=charset: form(
@@ -81,6 +88,12 @@ REQUESTS: dict[str, Callable[[], bytes]] = {
     "what precedes a form": lambda: form(b"\r\n" * 2_000_000, PART + b"\r\n\r\nv"),
     "almost a boundary": lambda: form(PART + b"\r\n\r\n" + b"\r\n--" * 1_000_000),
     "a long boundary": lambda: form(PART, media_type=FORM.replace("b", "b" * 10_000)),
+    "archives of many files": lambda: form(
+        *[PART.replace(b"obj", b"zip") + b"\r\n\r\n" + full_archive()] * 8
+    ),
+    "meshes that name many files": lambda: form(
+        *[PART + b"\r\n\r\n{" + b'"uri":"a.bin",' * MANY] * 20
+    ),
     "a body in chunks of a byte": lambda: (
         head("POST /v1/classify", "transfer-encoding: chunked")
         + b"1\r\n#\r\n" * MANY

@@ -60,19 +60,24 @@ def read_glb(data: bytes, limits: Limits, pieces: Mapping[str, bytes]) -> Triang
     return _read(*_split_container(data), limits, pieces)
 
 
-def piece_names(data: bytes) -> list[str]:
+def piece_names(data: bytes, limits: Limits) -> list[str]:
     """Relative paths of the other files in which a .gltf or .glb may keep its buffers.
 
     They are looked for without parsing the JSON, which takes the interpreter's lock for longer than
     an event loop can wait. Names of pictures are left out, and paths that lead elsewhere.
+
+    Raises LimitExceeded where it names too many.
     """
     names: dict[str, None] = {}
+    count = 0
     end = len(data)
     if data.startswith(b"glTF"):  # its JSON alone, whose length both versions have here
         end = min(end, 20 + int.from_bytes(data[12:16], "little"))
     for start in range(0, end, _BLOCK):
         for found in _URI.finditer(data, start, min(start + _BLOCK + _LONGEST_URI, end)):
-            with suppress(ValueError):  # of JSON, or a MalformedFile
+            count += 1
+            limits.check("entries", count, "the file names too many others")
+            with suppress(UnicodeDecodeError, json.JSONDecodeError, MalformedFile):
                 name = piece_name(json.loads(found[1]))
                 if not name.lower().endswith(_PICTURES):
                     names[name] = None
