@@ -41,6 +41,7 @@ BY_THEMSELVES = (
     "unknown",
     "baselines",
     "preparation",
+    "costs",
 )
 PACKAGES = ("numpy", "numba", "onnxruntime", "torch", "libigl", "trimesh")
 
