@@ -4,8 +4,7 @@ Every stage from 500 to a million faces, each size in a process of its own, and 
 fits its times; that of preparation leaves out the mesh that fits the budget and is not decimated. A
 size is left out where it would take more than half of the free memory. Preparation brings all sizes
 to the face budget; topology, descriptors and graph work on all faces, with pooling targets in
-proportion. Then reading a megabyte of each format, and a million faces in one piece, from bytes to
-scores.
+proportion. Then a million faces in one piece, from bytes to scores.
 """
 
 import time
@@ -24,16 +23,12 @@ from benchmarks.measuring import (
     yardstick,
 )
 from benchmarks.stages import Stages
-from benchmarks.workloads import FORMS, as_file, torus
-from meshconv3d.model.loading import load_mesh
+from benchmarks.workloads import as_file, torus
 from meshconv3d.service.classifier import Classifier
 from meshconv3d.service.models import Model, open_model
 
 SIZES = (500, 5_000, 50_000, 500_000, 1_000_000)
 MILLION = SIZES[-1]
-READ = 200_000  # faces of a file of each format
-# Milliseconds for each MB, where there is a goal: 150 MB/s, and 100.
-READ_GOALS = {"obj": 6.7, "off": 6.7, "text stl": 10.0, "text ply": 10.0}
 # Seconds and MB of a million-face GLB, from bytes to scores; of the whole process.
 MILLION_SECONDS, MILLION_MEGABYTES = 10.0, 2000.0
 
@@ -59,9 +54,6 @@ def run(model_name: str) -> Findings:
         power = exponent(faces, [point["ms"] for point in fitted])
         most = exponent(faces, [count * np.log(count) for count in faces])
         findings.add(f"{name}: time as faces to the power", power, "", round(most, 3))
-    heading(f"{READ:,} faces, from bytes to a mesh")
-    for form in FORMS:
-        findings.add(f"read {form}", apart(read_cost, form), "ms/MB", READ_GOALS.get(form))
     heading(f"{MILLION:,} faces as GLB, from bytes to scores")
     million = apart(classify_million, model_name)
     findings.add("a million faces", million["seconds"], "s", MILLION_SECONDS)
@@ -97,14 +89,6 @@ def measure(stage: str, size: int, model_name: str) -> dict[str, float]:
         work()
     milliseconds = best({"": work})[""]
     return {"faces": len(stages.mesh.faces), "ms": milliseconds, "MB": peak.megabytes}
-
-
-def read_cost(form: str) -> float:
-    """Milliseconds to read a MB of a file."""
-    content = as_file(torus(READ), form)
-    extension = form.split()[-1]
-    milliseconds = best({"": lambda: load_mesh(content, extension)})[""]
-    return milliseconds / (len(content) / 1e6)
 
 
 def _stages(size: int, model: Model) -> Stages:

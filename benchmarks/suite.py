@@ -29,6 +29,7 @@ BENCHMARKS = (
     "training_step",
     "decimation",
     "growth",
+    "formats",
     "footprint",
     "serving",
 )
