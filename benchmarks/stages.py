@@ -19,7 +19,7 @@ from meshconv3d.model.topology.geometry import face_geometry
 from meshconv3d.model.topology.inputs import collate, mesh_inputs, terms_of
 from meshconv3d.service.models import Model
 
-OUTPUTS = ["scores", "novelty", "evidence"]  # what the service asks of a graph
+OUTPUTS = ["scores", "novelty", "embedding", "evidence"]  # what the service asks of a graph
 
 
 @dataclass(frozen=True)

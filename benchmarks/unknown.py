@@ -26,7 +26,7 @@ from meshconv3d.model.datasets import Sample, find_samples, hold_out
 from meshconv3d.model.nn.network import Network, as_tensors
 from meshconv3d.model.preparation import prepare
 from meshconv3d.model.topology.inputs import collate, mesh_inputs
-from meshconv3d.model.training.evaluation import fit_novelty, predict
+from meshconv3d.model.training.evaluation import fit_feature_space, predict
 from meshconv3d.model.training.meshes import LabelledMesh, LoadedSamples, load_samples
 from meshconv3d.model.training.trainer import Trainer, TrainingConfig
 
@@ -74,7 +74,7 @@ def measure(samples: list[Sample], fold: int) -> dict[str, dict[str, float]]:
     with tempfile.TemporaryDirectory() as folder:
         trainer = Trainer(config, training, train.versions, Path(folder))
         network = trainer.run(lambda record: None).network
-    fit_novelty(network, train)
+    fit_feature_space(network, train)
     everyone = NetworkConfig(classes=tuple(sorted(names)))
     others = [s for s in samples if s.label in left_out]
     shapes = (prepare(mesh, config.face_budget)[0] for mesh in make_shapes(SHAPES_OF_EACH_KIND, 0))

@@ -11,11 +11,11 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError, model_validator
 from pydantic.dataclasses import dataclass
 
 from meshconv3d.model.calibration import Calibration
-from meshconv3d.model.config import StoredConfig, in_one_line
+from meshconv3d.model.config import NetworkConfig, in_one_line
 from meshconv3d.model.errors import Error
 
 PREFIX = "meshconv3d."
-FORMAT_VERSION: Literal[4] = 4
+FORMAT_VERSION: Literal[5] = 5
 NORMALISATION = "surface centroid at the origin, farthest vertex on the unit sphere"
 
 
@@ -38,20 +38,22 @@ class ModelCard:
     config: settings of the network, with the classes. opset: version of the graph's operators.
     training: data, protocol and seed. accuracy: figures with their protocol. parity: largest
     relative difference to torch of each output, number of meshes, tolerance, versions. calibration:
-    None if it was trained without validation meshes. probe: for the self test of a runtime. about:
+    None if it was trained without validation meshes. space: names the space of its embeddings; a
+    model and those that were taught on it have one. probe: for the self test of a runtime. about:
     description in Markdown.
     """
 
     name: str
-    config: StoredConfig
+    config: NetworkConfig
     opset: int
     training: dict[str, Any]
     accuracy: dict[str, Any]
     parity: dict[str, Any]
     calibration: Calibration | None
+    space: str
     probe: Probe
     about: str
-    format_version: Literal[4] = FORMAT_VERSION
+    format_version: Literal[5] = FORMAT_VERSION
 
     @model_validator(mode="after")
     def _check(self) -> "ModelCard":

@@ -1,6 +1,7 @@
 """Write a checkpoint as one ONNX file that carries its own card."""
 
 import copy
+import hashlib
 import logging
 import warnings
 from collections.abc import Mapping, Sequence
@@ -48,6 +49,7 @@ def export_model(
         training=training,
         accuracy=training.pop("accuracy", {}),
         calibration=checkpoint.calibration,
+        space=embedding_space(checkpoint.network),
         parity=check_parity(graph.SerializeToString(), checkpoint.network, list(meshes.values())),
         probe=probe(checkpoint.network, *next(iter(meshes.items()))),
         about=about,
@@ -55,6 +57,15 @@ def export_model(
     onnx.helper.set_model_props(graph, card.to_properties())
     write_whole(path, graph.SerializeToString())
     return card
+
+
+def embedding_space(network: Network) -> str:
+    """Hash, 16 hexadecimal digits, of the weights that embeddings depend on."""
+    digest = hashlib.sha256()
+    for name, tensor in sorted(network.state_dict().items()):
+        if not name.startswith(("classify.", "novelty.")):
+            digest.update(tensor.numpy().tobytes())
+    return digest.hexdigest()[:16]
 
 
 def probe(network: Network, sample: str, inputs: MeshInputs) -> Probe:

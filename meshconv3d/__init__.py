@@ -29,7 +29,7 @@ _MODULES = {
 }
 
 
-def load(model: str | os.PathLike[str] = "shrec11") -> "Classifier":
+def load(model: str | os.PathLike[str] = "objects") -> "Classifier":
     """Load a model and test it on a sample mesh.
 
     `model` is the name of a shipped model, `"shrec11"` or `"objects"`, or the path of a file that

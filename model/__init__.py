@@ -17,6 +17,7 @@ Legend of dimension letters, used in every docstring of the project:
     M   integral invariants of a face
     E   numbers that the descriptors read of a face: 3 D, or 3 D + M
     C   channels
+    A   numbers of an embedding
     N_c classes
 
 Face tables that are indexed by the network carry a null row: row 0 is zeros and face f is

@@ -9,6 +9,8 @@ from pydantic.dataclasses import dataclass
 
 # Share of the validation meshes whose out-of-distribution score is above the threshold.
 KNOWN_REFUSED = 0.02
+# Keeps a logistic function finite that parts its points perfectly.
+RIDGE = 1e-5
 
 
 @dataclass(frozen=True, config=ConfigDict(extra="forbid"))
@@ -17,20 +19,41 @@ class Calibration:
 
     temperature: divides the scores before the softmax, so that of answers with probability p a
     share p is right. novelty_limit: a mesh with a higher out-of-distribution score is unknown.
-    meshes: how many it was measured on, varied copies included.
+    meshes: how many it was measured on, varied copies included. same_shape: the factor and the
+    constant of a logistic function, from the cosine of two embeddings to the probability that they
+    are of one shape; None where there were no varied copies.
     """
 
     temperature: Annotated[float, Field(ge=1e-3, le=1e3)]
     novelty_limit: Annotated[float, Field(allow_inf_nan=False)]
     meshes: int
+    same_shape: tuple[float, float] | None = None
+
+    def same_shape_probability(self, cosines: NDArray) -> NDArray[np.float64]:
+        """Probability that two meshes are of one shape, from the cosine of their embeddings."""
+        assert self.same_shape is not None
+        factor, constant = self.same_shape
+        return 1 / (1 + np.exp(-(factor * cosines.astype(np.float64) + constant)))
+
+    def same_shape_cosine(self, probability: float) -> float:
+        """The cosine of two embeddings at which `same_shape_probability` is this."""
+        assert self.same_shape is not None
+        factor, constant = self.same_shape
+        return float((np.log(probability / (1 - probability)) - constant) / factor)
 
 
-def calibrate(scores: NDArray, novelty: NDArray, labels: NDArray[np.int64]) -> Calibration:
+def calibrate(
+    scores: NDArray,
+    novelty: NDArray,
+    labels: NDArray[np.int64],
+    same_shape: tuple[float, float] | None = None,
+) -> Calibration:
     """Fit to validation meshes: scores, M x N_c logits; novelty, M; labels, M."""
     return Calibration(
         temperature=round(fit_temperature(scores, labels), 4),
         novelty_limit=round(float(np.quantile(novelty, 1 - KNOWN_REFUSED)), 4),
         meshes=len(labels),
+        same_shape=same_shape,
     )
 
 
@@ -52,6 +75,36 @@ def fit_temperature(scores: NDArray, labels: NDArray[np.int64]) -> float:
         else:
             low += third
     return float(np.exp((low + high) / 2))
+
+
+def fit_same_shape(
+    embeddings: NDArray[np.float32], meshes: NDArray[np.int64]
+) -> tuple[float, float] | None:
+    """The factor and the constant of `Calibration.same_shape`; None without varied copies.
+
+    embeddings: M x A. meshes: M, the number of the mesh that each is, or is a copy of. Compares
+    copies of one mesh, and each mesh with the nearest of another, both kinds counting the same.
+    """
+    cosines = embeddings.astype(np.float64) @ embeddings.T
+    alike = meshes[:, None] == meshes
+    np.fill_diagonal(alike, False)
+    if not alike.any() or len(np.unique(meshes)) < 2:
+        return None
+    same = cosines[alike]
+    other = np.where(meshes[:, None] == meshes, -1, cosines).max(axis=1)
+    points = np.concatenate([same, other])
+    targets = np.concatenate([np.ones(len(same)), np.zeros(len(other))])
+    weights = np.where(targets == 1, 0.5 / len(same), 0.5 / len(other))
+    columns = np.stack([points, np.ones_like(points)], axis=1)
+    fitted = np.zeros(2)
+    for _ in range(50):  # Newton's method; the loss is convex
+        shares = 1 / (1 + np.exp(-columns @ fitted))
+        slope = columns.T @ (weights * (shares - targets)) + RIDGE * fitted
+        curves = weights * shares * (1 - shares)
+        bend = (columns * curves[:, None]).T @ columns + RIDGE * np.eye(2)
+        fitted = fitted - np.linalg.solve(bend, slope)
+    factor, constant = fitted.round(4).tolist()
+    return factor, constant
 
 
 def softmax(scores: NDArray) -> NDArray[np.float64]:

@@ -7,7 +7,6 @@ from types import MappingProxyType
 from typing import Annotated, Any, Literal
 
 from pydantic import (
-    BeforeValidator,
     ConfigDict,
     Field,
     ValidationError,
@@ -87,24 +86,6 @@ class NetworkConfig:
         """The settings of pooling."""
         return TopologyOptions(self.pooling_norm == "squared", self.literal_pooling)
 
-
-def _upgrade(values: Any) -> Any:
-    """Settings of format version 2 as those of version 3."""
-    if not isinstance(values, dict):
-        return values
-    values = {_RENAMED.get(name, name): value for name, value in values.items()}
-    for name, only in _REMOVED.items():
-        if values.pop(name, only) != only:
-            raise ValueError(f"the setting {name} no longer exists: train it again without")
-    return values
-
-
-# Settings of version 2 that were renamed, and those that were removed, with the value now fixed.
-_RENAMED = {"surroundings": "integral_invariants"}
-_REMOVED = {"patch_padding": "null", "pooling_survivor": True}
-
-StoredConfig = Annotated[NetworkConfig, BeforeValidator(_upgrade)]
-"""Configuration in a file, of this format version or the one before."""
 
 # Presets: differences from the defaults above.
 PRESETS: dict[str, dict[str, Any]] = {

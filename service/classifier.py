@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from meshconv3d.export.runtime import run
 from meshconv3d.model.attribution import contributions
 from meshconv3d.model.calibration import softmax
+from meshconv3d.model.chirality import chirality
 from meshconv3d.model.errors import Error, MeshError, UnusableMesh
 from meshconv3d.model.loading import Limits, load_mesh
 from meshconv3d.model.mesh import Mesh
@@ -161,8 +162,8 @@ class Classifier:
             inputs = mesh_inputs(prepared, config)
             arrays = collate([inputs])
         with timed(timings, "infer"):
-            scores, novelty, evidence = run(
-                self.model.session, ["scores", "novelty", "evidence"], arrays
+            scores, novelty, embedding, evidence = run(
+                self.model.session, ["scores", "novelty", "embedding", "evidence"], arrays
             )
         prediction = Prediction(
             self.model.id,
@@ -171,6 +172,10 @@ class Classifier:
             softmax(scores[0] / self._temperature),
             float(novelty[0]),
             self._is_unknown(float(novelty[0]), report),
+            embedding[0],
+            self.model.card.space,
+            placement.radius,
+            chirality(prepared),
             report,
             timings,
         )

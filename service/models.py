@@ -12,7 +12,7 @@ from meshconv3d.model.topology.inputs import input_names
 from meshconv3d.service.prediction import ModelId
 
 SHIPPED = Path(__file__).parent / "shipped"
-DEFAULT_MODEL = "shrec11"
+DEFAULT_MODEL = "objects"
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +106,7 @@ def _check_graph(path: Path, session: ort.InferenceSession, card: ModelCard) -> 
     found = [value.name for value in session.get_inputs()]
     outputs = {value.name: value.shape for value in session.get_outputs()}
     classes = outputs.get("scores", [None])[-1]
-    if found != expected or set(outputs) != {"scores", "evidence", "novelty"}:
+    if found != expected or set(outputs) != {"scores", "evidence", "novelty", "embedding"}:
         raise ModelFileError(f"{path}: the graph takes {found} and gives {sorted(outputs)}")
     if classes != len(card.config.classes):
         raise ModelFileError(

@@ -40,6 +40,12 @@ class Prediction:
     - `novelty`: out-of-distribution score, which `unknown` compares with the model's limit.
     - `classes`: names of the N_c classes. `scores`, N_c float32 logits, and `probabilities`, N_c
       float64, are in their order; `top` has them by name.
+    - `embedding`: A float32 of unit length; the inner product of two is their cosine, near 1 for
+      meshes of the same shape.
+    - `space`: names the space of the embedding; those of one space can be compared, whether of one
+      model or of others taught on it.
+    - `radius`: size of the mesh in the units of its file, from its centroid to its farthest vertex.
+      `chirality`: see `model.chirality`; the mirror image has it with the other sign.
     - `report`: counts of what preparation found and changed, a `MeshReport`.
     - `timings_ms`: milliseconds of each stage: read, prepare, topology, infer, explain.
     - `model`: name and SHA-256 of the model file.
@@ -53,6 +59,10 @@ class Prediction:
     probabilities: NDArray[np.float64]
     novelty: float
     unknown: bool | None
+    embedding: NDArray[np.float32]
+    space: str
+    radius: float
+    chirality: NDArray[np.float64]
     report: MeshReport
     timings_ms: dict[str, float]
     explanation: bytes | None = None

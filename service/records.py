@@ -39,6 +39,19 @@ class Answer(BaseModel):
     )
 
 
+class EmbeddedAnswer(Answer):
+    """Record of a mesh that was classified, with what finds meshes like it."""
+
+    embedding: list[float] = Field(
+        description="of unit length; the inner product of two of one space is their cosine"
+    )
+    space: str = Field(description="embeddings can be compared where it is the same")
+    radius: float = Field(
+        examples=[1.7], description="from centroid to farthest vertex, in the file's units"
+    )
+    chirality: list[float] = Field(description="the mirror image has it with the other sign")
+
+
 class Refusal(BaseModel):
     """Record of a file that could not be classified."""
 
@@ -71,6 +84,19 @@ def answer(file: str | None, prediction: Prediction, top: int | None = None) -> 
         model=prediction.model,
         mesh=prediction.report,
         timings_ms=prediction.timings_ms,
+    )
+
+
+def embedded_answer(
+    file: str | None, prediction: Prediction, top: int | None = None
+) -> EmbeddedAnswer:
+    """Record of a prediction, with what finds meshes like it."""
+    return EmbeddedAnswer(
+        **dict(answer(file, prediction, top)),
+        embedding=[round(float(number), 6) for number in prediction.embedding],
+        space=prediction.space,
+        radius=prediction.radius,
+        chirality=[round(float(number), 9) for number in prediction.chirality],
     )
 
 

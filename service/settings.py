@@ -36,6 +36,10 @@ class Settings(BaseSettings):
         description="Shipped models by name, or model files; the first is the default. "
         "Comma separated in the variable, a flag for each.",
     )
+    library: Path | None = Field(
+        default=None,
+        description="Library, made by meshconv3d embed, in which /v1/similar searches.",
+    )
     host: str = Field(default="127.0.0.1", description="Address to listen on.")
     port: int = Field(
         default=8000, ge=0, le=65535, description="Port to listen on; 0 takes a free one."

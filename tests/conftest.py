@@ -77,7 +77,7 @@ def tiny_checkpoint(config: NetworkConfig, path: Path) -> Path:
     from tests.networks import untrained
 
     training = {"data": {"name": "none"}, "accuracy": {"test": 0.25}}
-    calibration = Calibration(temperature=2.0, novelty_limit=1e6, meshes=9)
+    calibration = Calibration(2.0, novelty_limit=1e6, meshes=9, same_shape=(200.0, -199.0))
     save_checkpoint(Checkpoint(untrained(config), calibration, training), path)
     return path
 

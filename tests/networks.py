@@ -33,6 +33,7 @@ def untrained(config: NetworkConfig, seed: int = 0) -> Network:
     classes = len(config.classes)
     features = torch.randn(20 * classes, network.classify.in_features)
     network.novelty.fit(features, torch.arange(20 * classes) % classes)
+    network.embedding.fit(features, torch.arange(20 * classes) // 2)
     meshes = [torus(), sheet(), cube(), icosphere(2)]
     batch = collate([mesh_inputs(mesh, config) for mesh in meshes])
     with torch.no_grad():

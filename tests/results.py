@@ -39,6 +39,7 @@ def model_info(name: str = "any") -> ModelInfo:
         accuracy={},
         parity={},
         calibration=None,
+        space="any",
         probe=Probe("ants", (0.0, 0.0)),
         about="",
     )
@@ -56,6 +57,10 @@ def prediction(*scores: float, classes: tuple[str, ...] = ("this", "that")) -> P
         probabilities / probabilities.sum(),
         novelty=0.0,
         unknown=None,
+        embedding=np.array([1, 0], np.float32),
+        space="any",
+        radius=1.0,
+        chirality=np.zeros(1),
         report=REPORT,
         timings_ms={"read": 1.5},
     )

@@ -10,18 +10,15 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 
 from meshconv3d.model.calibration import Calibration
-from meshconv3d.model.config import StoredConfig, in_one_line
+from meshconv3d.model.config import NetworkConfig, in_one_line
 from meshconv3d.model.files import write_whole
 from meshconv3d.model.nn.network import Network
 
-FORMAT_VERSION = 4
-OLDEST_VERSION = 2
-# Since this version, pooling keeps the topology of a surface.
-SAME_POOLING = 4
+FORMAT_VERSION = 5
 
 
 class CheckpointError(ValueError):
-    """A file that is not a checkpoint of this project, is damaged, or has a newer format."""
+    """A file that is not a checkpoint of this project, is damaged, or has another format."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +35,7 @@ class Checkpoint:
 
 class _Metadata(BaseModel):
     format_version: int
-    config: Json[StoredConfig]
+    config: Json[NetworkConfig]
     calibration: Json[Calibration | None]
     training: Json[dict[str, Any]]
 
@@ -55,27 +52,20 @@ def save_checkpoint(checkpoint: Checkpoint, path: Path) -> None:
 
 
 def load_checkpoint(path: Path) -> Checkpoint:
-    """The network, in evaluation mode, on the CPU. Raises CheckpointError, FileNotFoundError.
-
-    One that was trained with another pooling comes without calibration and accuracy, which do not
-    hold for it now; it is good to begin with (`meshconv3d train --from`).
-    """
+    """The network, in evaluation mode, on the CPU. Raises CheckpointError, FileNotFoundError."""
     tensors, entries = load_tensors(path)
     version = entries.get("format_version", "")
-    if version.isdecimal() and not OLDEST_VERSION <= int(version) <= FORMAT_VERSION:
+    if version.isdecimal() and int(version) != FORMAT_VERSION:
         # Checked first: another version's metadata may look damaged to this one.
         remedy = "upgrade meshconv3d" if int(version) > FORMAT_VERSION else "train it again"
         raise CheckpointError(
-            f"{path} has checkpoint format {version}, this version reads {OLDEST_VERSION} to "
+            f"{path} has checkpoint format {version}, this version reads format "
             f"{FORMAT_VERSION}: {remedy}"
         )
     try:
         metadata = _Metadata.model_validate(entries)
         network = Network(metadata.config)
-        network.load_state_dict(
-            # The name in format version 2.
-            {k.replace("surroundings.", "integral_invariants."): v for k, v in tensors.items()}
-        )
+        network.load_state_dict(tensors)
         if not all(tensor.isfinite().all() for tensor in tensors.values()):
             raise ValueError("its weights are not all finite numbers; train it again")
     except (ValueError, RuntimeError) as error:
@@ -84,9 +74,6 @@ def load_checkpoint(path: Path) -> Checkpoint:
             f"{path} is not a meshconv3d checkpoint, such as training writes as model.safetensors: "
             f"{reason}"
         ) from None
-    if metadata.format_version < SAME_POOLING:
-        metadata.training.pop("accuracy", None)
-        return Checkpoint(network.eval(), None, metadata.training)
     return Checkpoint(network.eval(), metadata.calibration, metadata.training)
 
 

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from meshconv3d.model.config import NetworkConfig
+from meshconv3d.model.nn.feature_space import Embedding, Novelty
 from meshconv3d.model.nn.layers import Descriptor, PatchConvolution, gather_mean, weight_peaks
 from meshconv3d.model.nn.levels import first_level
-from meshconv3d.model.nn.out_of_distribution import Novelty
 from meshconv3d.model.topology.descriptors import GEODESIC_TERMS, GEOMETRIC_TERMS
 from meshconv3d.model.topology.integral_invariants import MEASURES
 
@@ -21,12 +21,13 @@ class Outputs(NamedTuple):
 
     scores: B x N_c, logits. evidence: N_L x N_c, the share of each face of the last level: a
     mesh's scores are the bias plus the mean of its evidence. novelty: B, the out-of-distribution
-    score, see `model.nn.out_of_distribution`.
+    score. embedding: B x A, of unit length. For both see `model.nn.feature_space`.
     """
 
     scores: Tensor
     evidence: Tensor
     novelty: Tensor
+    embedding: Tensor
 
 
 class Network(nn.Module):
@@ -59,24 +60,28 @@ class Network(nn.Module):
         self.dropout = nn.Dropout(config.dropout)
         self.classify = nn.Linear(width, len(config.classes))
         self.novelty = Novelty(width, len(config.classes))
+        self.embedding = Embedding(width)
 
     def take_features(self, other: "Network") -> None:
         """Copy the weights of another network, and those of its classes where they are the same.
 
         Both have the same configuration, except for the classes.
         """
-        left = (
-            ("novelty.",)
-            if other.config.classes == self.config.classes
-            else ("classify.", "novelty.")
-        )
+        left = ("novelty.", "embedding.")
+        if other.config.classes != self.config.classes:
+            left += ("classify.",)
         kept = {k: v for k, v in other.state_dict().items() if not k.startswith(left)}
         self.load_state_dict(self.state_dict() | kept)
 
     def forward(self, terms: Tensor, *topology: Tensor) -> Outputs:
         features, pooled = self.features(terms, *topology)
         evidence = features @ self.classify.weight.T
-        return Outputs(self.classify(self.dropout(pooled)), evidence, self.novelty(pooled))
+        return Outputs(
+            self.classify(self.dropout(pooled)),
+            evidence,
+            self.novelty(pooled),
+            self.embedding(pooled),
+        )
 
     def features(self, terms: Tensor, *topology: Tensor) -> tuple[Tensor, Tensor]:
         """The features that are classified, N_L x C, and their mean over each mesh, B x C."""

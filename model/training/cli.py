@@ -306,10 +306,10 @@ def _run(trainer: "Trainer", val: "LoadedSamples") -> "Checkpoint":
 def _evaluate(checkpoint: "Checkpoint", parts: "dict[str, LoadedSamples]") -> "Checkpoint":
     """Fit the out-of-distribution score to training meshes, calibrate on those of val, and measure
     the accuracy on test meshes, each where there are any."""
-    from meshconv3d.model.training.evaluation import accuracy, calibrate_network, fit_novelty
+    from meshconv3d.model.training.evaluation import accuracy, calibrate_network, fit_feature_space
 
     network, test = checkpoint.network, parts["test"]
-    fit_novelty(network, parts["train"])
+    fit_feature_space(network, parts["train"])
     calibration, measured = None, {}
     if parts["val"].meshes:
         calibration = calibrate_network(network, parts["val"])

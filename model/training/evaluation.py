@@ -3,10 +3,11 @@
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import chain, islice
 
+import numpy as np
 import torch
 from torch import Tensor
 
-from meshconv3d.model.calibration import Calibration, calibrate
+from meshconv3d.model.calibration import Calibration, calibrate, fit_same_shape
 from meshconv3d.model.nn.network import Network, Outputs, as_tensors
 from meshconv3d.model.topology.inputs import collate
 from meshconv3d.model.training.meshes import LabelledMesh, LoadedSamples
@@ -30,18 +31,26 @@ def predict(network: Network, meshes: Sequence[LabelledMesh]) -> Outputs:
 
 
 @torch.inference_mode()
-def fit_novelty(network: Network, samples: LoadedSamples) -> None:
-    """Fit the out-of-distribution score to the training meshes, varied copies included."""
+def fit_feature_space(network: Network, samples: LoadedSamples) -> None:
+    """Fit out-of-distribution score and embedding to the training meshes and their copies."""
     meshes = list(chain.from_iterable(samples.versions))
-    pooled = [network.features(*batch)[1].cpu() for batch in _batches(network, meshes)]
-    network.novelty.cpu().fit(torch.cat(pooled), _labels(meshes))
+    pooled = torch.cat([network.features(*batch)[1].cpu() for batch in _batches(network, meshes)])
+    network.novelty.cpu().fit(pooled, _labels(meshes))
+    counts = torch.tensor([len(versions) for versions in samples.versions])
+    network.embedding.cpu().fit(pooled, torch.arange(len(counts)).repeat_interleave(counts))
 
 
 def calibrate_network(network: Network, samples: LoadedSamples) -> Calibration:
     """The calibration on validation meshes, varied copies included."""
     meshes = list(chain.from_iterable(samples.versions))
     outputs = predict(network, meshes)
-    return calibrate(outputs.scores.numpy(), outputs.novelty.numpy(), _labels(meshes).numpy())
+    numbers = np.repeat(np.arange(len(samples.versions)), [len(v) for v in samples.versions])
+    return calibrate(
+        outputs.scores.numpy(),
+        outputs.novelty.numpy(),
+        _labels(meshes).numpy(),
+        fit_same_shape(outputs.embedding.numpy(), numbers),
+    )
 
 
 def _labels(meshes: Iterable[LabelledMesh]) -> Tensor:

@@ -101,6 +101,11 @@ def _cosines(mesh: Mesh, pairs: NDArray[np.int32]) -> NDArray[np.float64]:
     return np.where(lengths.min(axis=0) > 0, products / np.maximum(lengths.prod(0), 1e-300), -1)
 
 
+def mirrored(mesh: Mesh) -> Mesh:
+    """The mirror image, with its faces turned so that they still look outwards."""
+    return Mesh(mesh.vertices * (-1, 1, 1), mesh.faces[:, ::-1])
+
+
 def diagonal(mesh: Mesh) -> float:
     """Length of the bounding box's diagonal."""
     return float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
@@ -112,7 +117,10 @@ def mean_edge(mesh: Mesh) -> float:
 
 
 def vary(mesh: Mesh, rng: np.random.Generator) -> Mesh:
-    """A random copy for training: other triangles, then perhaps others still, noise, a hole."""
+    """A random copy for training: other triangles, then perhaps others still, noise, a hole; half
+    of them are mirror images."""
+    if rng.random() < 0.5:
+        mesh = mirrored(mesh)
     match rng.integers(6):
         case 0:
             mesh = retriangulated(mesh, rng)

@@ -4,6 +4,7 @@ JSON Lines on this machine are their own journal. Any other output is made of FI
 it, once all files are done.
 """
 
+import base64
 import csv
 import io
 import json
@@ -12,7 +13,7 @@ from contextlib import contextmanager
 from dataclasses import fields
 from itertools import count, islice
 from pathlib import Path
-from typing import Any, BinaryIO, Self, get_type_hints
+from typing import TYPE_CHECKING, Any, BinaryIO, Self, get_type_hints
 
 from meshconv3d.model.files import replacing
 from meshconv3d.model.preparation import MeshReport
@@ -32,6 +33,9 @@ from meshconv3d.service.batch.resume import (
 from meshconv3d.service.batch.running import Tally
 from meshconv3d.service.classifier import STAGES
 from meshconv3d.service.records import Answer, Refusal, to_json
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 # Rows that are written to Parquet at a time, and so held in memory.
 ROW_GROUP = 4096
@@ -54,12 +58,14 @@ class Output:
     tally: counts of what earlier runs have left, and of what is added.
     """
 
-    def __init__(self, path: str, resume: bool) -> None:
-        """Check the path; `begin` writes. Raises NotWritten, also if a file would be overwritten;
-        ModuleNotFoundError if an extra is missing; OSError."""
+    def __init__(self, path: str, resume: bool, library: bool = False) -> None:
+        """Check the path; `begin` writes. library: see `service.library`, which is Parquet.
+
+        Raises NotWritten, also if a file would be overwritten; ModuleNotFoundError if an extra is
+        missing; OSError."""
         form = path.rpartition(".")[2].lower()
-        if form not in FORMS:
-            forms = ", ".join(f".{form}" for form in FORMS)
+        if form not in FORMS or (library and form != "parquet"):
+            forms = ".parquet" if library else ", ".join(f".{form}" for form in FORMS)
             raise NotWritten(f"{path} does not end with a form that is written: {forms}")
         folder = Path(path).parent
         if not is_url(path) and not folder.is_dir():
@@ -70,7 +76,7 @@ class Output:
             import pyarrow.parquet  # noqa: F401  # now, not after hours of work
         self.path = path
         self.tally = Tally()
-        self._write = FORMS[form]
+        self._write = write_library if library else FORMS[form]
         self._is_journal = form == "jsonl" and not is_url(path)
         self.journal_path = path if self._is_journal else f"{path}.journal"
         self._done = Done()
@@ -110,9 +116,11 @@ class Output:
         """See `DoneAs`."""
         return self._done.take(name)
 
-    def add(self, record: Answer | Refusal, sha256: str | None) -> None:
-        """Append a record. sha256: see `FileResult`. Raises OSError."""
-        added = entry(record, sha256, self._run)
+    def add(
+        self, record: Answer | Refusal, sha256: str | None, picture: bytes | None = None
+    ) -> None:
+        """Append a record. sha256, picture: see `FileResult`. Raises OSError."""
+        added = entry(record, sha256, self._run, picture)
         self._journal.add(to_json(added) + b"\n")
         self.tally.add(fault_of(added))
         self._settled = self._settled and is_settled(added)
@@ -190,13 +198,37 @@ def _plain(found: Entry) -> dict[str, Any]:
 
 def write_parquet(entries: Iterable[Entry], file: BinaryIO) -> None:
     """Entries in columns, nested as they are. Needs pyarrow, of the extra `parquet`."""
+    _write_columns(map(_plain, entries), _schema(), file)
+
+
+def write_library(entries: Iterable[Entry], file: BinaryIO) -> None:
+    """Entries in columns, with those that `service.library` reads; pictures are bytes."""
     import pyarrow as pa
-    from pyarrow.parquet import ParquetWriter
+
+    schema = _schema()
+    for name, kind in (
+        ("embedding", pa.list_(pa.float32())),
+        ("space", pa.string()),
+        ("radius", pa.float64()),
+        ("chirality", pa.list_(pa.float64())),
+        ("picture", pa.binary()),
+    ):
+        schema = schema.append(pa.field(name, kind))
+
+    def row(found: Entry) -> dict[str, Any]:
+        picture = getattr(found, "picture", None)
+        return _plain(found) | {"picture": picture and base64.b64decode(picture)}
+
+    _write_columns(map(row, entries), schema, file)
+
+
+def _schema() -> "pa.Schema":
+    import pyarrow as pa
 
     types = {int: pa.int64(), float: pa.float64(), bool: pa.bool_()}
     report = get_type_hints(MeshReport)
     score = {"class": pa.string(), "probability": pa.float64(), "score": pa.float64()}
-    schema = pa.schema(
+    return pa.schema(
         {
             "file": pa.string(),
             "class": pa.string(),
@@ -217,8 +249,13 @@ def write_parquet(entries: Iterable[Entry], file: BinaryIO) -> None:
             "run": pa.string(),
         }
     )
+
+
+def _write_columns(rows: Iterator[dict[str, Any]], schema: "pa.Schema", file: BinaryIO) -> None:
+    import pyarrow as pa
+    from pyarrow.parquet import ParquetWriter
+
     with ParquetWriter(file, schema, compression="zstd") as writer:
-        rows = map(_plain, entries)
         while group := list(islice(rows, ROW_GROUP)):
             writer.write_table(pa.Table.from_pylist(group, schema))
 

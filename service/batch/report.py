@@ -9,6 +9,7 @@ import hashlib
 import heapq
 import itertools
 from collections import Counter, defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
@@ -150,6 +151,62 @@ def write_page(report: Report, path: Path, seconds: float) -> None:
 
     Raises OSError.
     """
+    style, script = ((TEMPLATES / name).read_text("utf-8") for name in ("style.css", "script.js"))
+    files = report.gallery.least_certain_first()
+    stream = (
+        _environment()
+        .get_template("page.html")
+        .stream(
+            report=report,
+            seconds=seconds,
+            written=datetime.now().astimezone(),
+            bins=BINS,
+            files=files,
+            without_picture=sum(file["picture"] is None for file in files),
+            style=Markup(style),
+            script=Markup(script),
+            policy=_policy(style, script),
+        )
+    )
+    stream.enable_buffering(BUFFERED)
+    with replacing(path) as file:
+        stream.dump(file, "utf-8")
+
+
+# A mesh of a group: its file, how it differs from the first, and its picture, if any.
+Member = tuple[str, str, bytes | None]
+
+
+def write_groups(groups: Sequence[Sequence[Member]], source: str, total: int, path: Path) -> None:
+    """Write a page with groups of meshes atomically. source, total: of all that were compared.
+
+    Raises OSError.
+    """
+    style = (TEMPLATES / "style.css").read_text("utf-8")
+    stream = (
+        _environment()
+        .get_template("groups.html")
+        .stream(
+            groups=[
+                [
+                    (file, differs, picture and base64.b64encode(picture).decode())
+                    for file, differs, picture in group
+                ]
+                for group in groups
+            ],
+            members=sum(map(len, groups)),
+            source=source,
+            total=total,
+            most=MOST_NAMED,
+            style=Markup(style),
+            policy=_policy(style),
+        )
+    )
+    with replacing(path) as file:
+        stream.dump(file, "utf-8")
+
+
+def _environment() -> Environment:
     environment = Environment(
         loader=FileSystemLoader(TEMPLATES),
         autoescape=True,
@@ -158,25 +215,10 @@ def write_page(report: Report, path: Path, seconds: float) -> None:
         lstrip_blocks=True,
     )
     environment.filters.update(count=_count, duration=_duration)
-    style, script = ((TEMPLATES / name).read_text("utf-8") for name in ("style.css", "script.js"))
-    files = report.gallery.least_certain_first()
-    stream = environment.get_template("page.html").stream(
-        report=report,
-        seconds=seconds,
-        written=datetime.now().astimezone(),
-        bins=BINS,
-        files=files,
-        without_picture=sum(file["picture"] is None for file in files),
-        style=Markup(style),
-        script=Markup(script),
-        policy=_policy(style, script),
-    )
-    stream.enable_buffering(BUFFERED)
-    with replacing(path) as file:
-        stream.dump(file, "utf-8")
+    return environment
 
 
-def _policy(style: str, script: str) -> str:
+def _policy(style: str, script: str = "") -> str:
     """A Content-Security-Policy: this style, this script, pictures in the page, and no more."""
     return "; ".join(
         (

@@ -3,6 +3,7 @@
 A journal is JSON Lines: of this machine one file, behind a URL a folder of parts.
 """
 
+import base64
 import errno
 import fcntl
 import hashlib
@@ -18,7 +19,7 @@ from pydantic import TypeAdapter
 
 from meshconv3d.model.files import errors_naming, replacing
 from meshconv3d.service.batch.files import filesystem, remote_errors
-from meshconv3d.service.records import Answer, Refusal
+from meshconv3d.service.records import Answer, EmbeddedAnswer, Refusal
 
 # Object stores cannot append: parts are written after so many lines or seconds.
 PART_LINES = 1000
@@ -40,6 +41,12 @@ class AnswerEntry(Answer):
     run: str
 
 
+class EmbeddedEntry(EmbeddedAnswer, AnswerEntry):
+    """An answer in a library. picture: base64 of a PNG, where pictures are drawn."""
+
+    picture: str | None
+
+
 class RefusalEntry(Refusal):
     """A refusal in an output. sha256: None if the file could not be read."""
 
@@ -48,7 +55,7 @@ class RefusalEntry(Refusal):
     run: str
 
 
-Entry: TypeAlias = AnswerEntry | RefusalEntry
+Entry: TypeAlias = EmbeddedEntry | AnswerEntry | RefusalEntry
 _ENTRY: TypeAdapter[Entry] = TypeAdapter(Entry)
 
 
@@ -56,9 +63,15 @@ class NotWritten(ValueError):
     """Error of an output that cannot be written as requested; the message says what to do."""
 
 
-def entry(record: Answer | Refusal, sha256: str | None, run: str) -> Entry:
-    """The entry of a record. Raises ValueError for an answer without a hash."""
-    return _ENTRY.validate_python(dict(record) | {"sha256": sha256, "run": run})
+def entry(
+    record: Answer | Refusal, sha256: str | None, run: str, picture: bytes | None = None
+) -> Entry:
+    """The entry of a record. picture: for a library. Raises ValueError for an answer without a
+    hash."""
+    added: dict[str, object] = {"sha256": sha256, "run": run}
+    if isinstance(record, EmbeddedAnswer):
+        added["picture"] = picture and base64.b64encode(picture).decode()
+    return _ENTRY.validate_python(dict(record) | added)
 
 
 def is_settled(found: Entry) -> bool:

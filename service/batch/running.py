@@ -99,9 +99,11 @@ class Tally:
         return ", ".join(f"{fault} {count}" for fault, count in self.refused.most_common())
 
 
-def run_id(model_sha256: str, top: int | None, limits: Limits) -> str:
+def run_id(model_sha256: str, top: int | None, limits: Limits, embedded: bool = False) -> str:
     """Hash of everything that a record depends on beside the file: 16 hexadecimal digits."""
     parts = {"model": model_sha256, "top": top, "limits": asdict(limits)}
+    if embedded:
+        parts["embedded"] = True
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:16]
 
 

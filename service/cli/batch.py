@@ -2,7 +2,7 @@
 
 import os
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,7 +21,10 @@ from meshconv3d.service.cli.setup import (
 
 if TYPE_CHECKING:
     from meshconv3d.service.batch.listing import Choice, Listing
-    from meshconv3d.service.batch.running import Executor
+    from meshconv3d.service.batch.outputs import Output
+    from meshconv3d.service.batch.resume import Entry
+    from meshconv3d.service.batch.running import Executor, FileResult
+    from meshconv3d.service.cli.terminal import Progress
     from meshconv3d.service.prediction import ModelId
     from meshconv3d.service.settings import Settings
 
@@ -81,12 +84,10 @@ def batch(
     with its reason. After an interruption, the same call with --resume goes on. Exits with 0 if
     every file was classified, 1 if some were not, 2 if the call itself is wrong.
     """
-    from meshconv3d.service.batch.listing import told
     from meshconv3d.service.batch.outputs import Output
     from meshconv3d.service.batch.resume import NotWritten
-    from meshconv3d.service.batch.running import run_id
+    from meshconv3d.service.batch.running import FileResult, run_id
     from meshconv3d.service.batch.sort import SortedFolder
-    from meshconv3d.service.cli.terminal import Progress
     from meshconv3d.service.records import record
 
     listing = list_files(paths, _choice(include, exclude, shard))
@@ -102,40 +103,69 @@ def batch(
         model_id, executor = _ray_executor(model, settings, workers, ray, page is not None)
     report = None if page is None else Report(model_id, ", ".join(paths))
     sorted_folder = None if folder is None else SortedFolder(folder)
-    others: Counter[str] = Counter()
+
     unplaced = 0
-    with executor:
-        with usage_errors(NotWritten, option="--output"):
-            for earlier in output.begin(run_id(model_id.sha256, top, settings.limits)):
-                if report is not None:
-                    report.add(earlier)
-        progress = Progress(listing, output.tally)
-        try:
-            with output, progress:
-                for one in executor.results(listing.files(others), output.done_as):
-                    found = record(one.file.name, one.result, top)
-                    if sorted_folder is not None and sorted_folder.place(one) is None:
-                        unplaced += 1
-                    if report is not None:
-                        report.add(found, one.picture)
-                    # Last: a run that is killed and goes on has all in the folder and the report.
-                    output.add(found, one.sha256)
-                    progress.update()
-        except (KeyboardInterrupt, OSError):
-            path = output.journal_path
-            click.echo(f"{path} has what is done: go on with it by --resume", err=True)
-            raise
+
+    def add(one: FileResult) -> None:
+        nonlocal unplaced
+        found = record(one.file.name, one.result, top)
+        if sorted_folder is not None and sorted_folder.place(one) is None:
+            unplaced += 1
+        if report is not None:
+            report.add(found, one.picture)
+        # Last: a run that is killed and goes on has all in the folder and the report.
+        output.add(found, one.sha256)
+
+    run = run_id(model_id.sha256, top, settings.limits)
+    progress = write_output(
+        output, run, executor, listing, add, report.add if report else lambda _: None
+    )
     if report is not None and page is not None:
         write_page(report, page, progress.seconds)
-    click.echo(progress.summary(), err=True)
-    if others:
-        click.echo(told(others), err=True)
     if unplaced:
         files = "file" if unplaced == 1 else "files"
         click.echo(
             f"could not be read, and so not sorted into {folder}: {unplaced} {files}", err=True
         )
     ctx.exit(1 if output.tally.refused else 0)
+
+
+def write_output(
+    output: "Output",
+    run: str,
+    executor: "Executor",
+    listing: "Listing",
+    add: "Callable[[FileResult], None]",
+    add_earlier: "Callable[[Entry], None]" = lambda _: None,
+) -> "Progress":
+    """Classify the files of a listing into an output, with progress and a summary.
+
+    add: takes each result, and adds it to the output. add_earlier: takes the entries of a run that
+    is resumed.
+    """
+    from meshconv3d.service.batch.listing import told
+    from meshconv3d.service.batch.resume import NotWritten
+    from meshconv3d.service.cli.terminal import Progress
+
+    others: Counter[str] = Counter()
+    with executor:
+        with usage_errors(NotWritten, option="--output"):
+            for earlier in output.begin(run):
+                add_earlier(earlier)
+        progress = Progress(listing, output.tally)
+        try:
+            with output, progress:
+                for one in executor.results(listing.files(others), output.done_as):
+                    add(one)
+                    progress.update()
+        except (KeyboardInterrupt, OSError):
+            path = output.journal_path
+            click.echo(f"{path} has what is done: go on with it by --resume", err=True)
+            raise
+    click.echo(progress.summary(), err=True)
+    if others:
+        click.echo(told(others), err=True)
+    return progress
 
 
 def _choice(include: Sequence[str], exclude: Sequence[str], shard: str | None) -> "Choice":

@@ -19,6 +19,10 @@ COMMANDS = {
     "classify": ("service.cli.classify", "Say what the meshes in files and folders are."),
     "batch": ("service.cli.batch", "Classify folders of any size into one file."),
     "explain": ("service.cli.explain", "Colour a mesh by what speaks for its class."),
+    "teach": ("service.cli.teach", "Make a model of your own classes from a few examples."),
+    "embed": ("service.cli.library", "Make a library of meshes, to search for alike ones."),
+    "similar": ("service.cli.library", "Find the meshes of a library that are like one."),
+    "duplicates": ("service.cli.library", "List the meshes of a library that are one shape."),
     "evaluate": ("service.cli.evaluate", "Measure how good a model is."),
     "serve": ("service.cli.serve", "Answer over HTTP."),
     "formats": ("service.cli.show", "List the file formats that are read."),
@@ -34,7 +38,7 @@ EXTRAS = {
     "ray": "ray",
     "pyarrow": "parquet",
     "fsspec": "remote",
-    **dict.fromkeys(("torch", "onnx", "onnxscript", "safetensors", "matplotlib"), "train"),
+    **dict.fromkeys(("torch", "onnxscript", "safetensors", "matplotlib"), "train"),
 }
 
 # Options of `batch` that were those of `classify` in scripts of before it.

@@ -52,6 +52,7 @@ def serve(**flags: Any) -> None:
     second one ends it at once.
     """
     from meshconv3d.export.metadata import ModelFileError
+    from meshconv3d.model.errors import Error
     from meshconv3d.service.classifier import SelfTestError
     from meshconv3d.service.cli.setup import read_settings
     from meshconv3d.service.http.server import (
@@ -76,7 +77,7 @@ def serve(**flags: Any) -> None:
         raise click.ClickException(str(error)) from None
     try:
         run(settings, pool)
-    except CannotListen as error:
+    except (CannotListen, Error, OSError) as error:
         raise click.UsageError(str(error)) from None
     finally:
         pool.close()

@@ -5,7 +5,7 @@ import importlib.metadata
 import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from fastapi import FastAPI
 from starlette.middleware.cors import CORSMiddleware
@@ -18,10 +18,14 @@ from meshconv3d.service.http.oip import add_inference_routes
 from meshconv3d.service.http.openapi import complete
 from meshconv3d.service.http.page import add_page
 from meshconv3d.service.http.problems import install_problem_handlers
+from meshconv3d.service.http.search import add_search_routes
 from meshconv3d.service.http.telemetry import Metrics, TelemetryMiddleware
 from meshconv3d.service.http.v1 import add_v1_routes
 from meshconv3d.service.settings import Settings
 from meshconv3d.service.workers import WorkerPool
+
+if TYPE_CHECKING:
+    from meshconv3d.service.library import Library
 
 # Time to answer what a stop has cancelled, in seconds.
 CLOSE_SECONDS = 1.0
@@ -36,12 +40,15 @@ CORS_ANSWER_HEADERS = (
 )
 
 
-def create_app(pool: WorkerPool, admission: Admission, settings: Settings) -> ASGIApp:
-    """The app over workers that are warm."""
+def create_app(
+    pool: WorkerPool, admission: Admission, settings: Settings, library: "Library | None" = None
+) -> ASGIApp:
+    """The app over workers that are warm. library: what /v1/similar searches in."""
     dispatcher, metrics = Dispatcher(pool, admission, settings), Metrics(pool, admission)
     routes = _Routes(pool, admission, keyed=bool(settings.api_keys))
     install_problem_handlers(routes)
     add_v1_routes(routes, dispatcher)
+    add_search_routes(routes, dispatcher, library)
     add_inference_routes(routes, dispatcher)
     add_health_routes(routes, dispatcher, metrics)
     add_page(routes)

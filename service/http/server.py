@@ -73,8 +73,13 @@ def start_workers(settings: Settings) -> WorkerPool:
 def run(settings: Settings, pool: WorkerPool) -> None:
     """Serve until a signal says to stop, and all that was accepted is answered.
 
-    Raises CannotListen.
+    Raises CannotListen, LibraryError.
     """
+    library = None
+    if settings.library is not None:
+        from meshconv3d.service.library import Library  # its extra may be missing
+
+        library = Library.read(settings.library, [info.card for info in pool.models.values()])
     seconds = settings.deadline_seconds + CONNECTION_MARGIN
     sockets = listen(settings.host, settings.port, seconds)
     if settings.metrics_port is not None:
@@ -86,7 +91,7 @@ def run(settings: Settings, pool: WorkerPool) -> None:
         settings.workers,
     )
     config = uvicorn.Config(
-        create_app(pool, admission, settings),
+        create_app(pool, admission, settings, library),
         http=bounded_connection(seconds, settings.max_connections, admission),
         ws="none",
         lifespan="on",

@@ -64,7 +64,7 @@ def add_v1_routes(app: FastAPI, dispatcher: Dispatcher) -> None:
         """
         name = dispatcher.model(model).card.name
         upload = await read_upload(request, dispatcher.settings)
-        prediction = await dispatcher.predict(request, _task(upload, name))
+        prediction = await dispatcher.predict(request, task_of(upload, name))
         content = to_json(record(upload.name, prediction, top))
         return Response(content, media_type="application/json")
 
@@ -88,7 +88,7 @@ def add_v1_routes(app: FastAPI, dispatcher: Dispatcher) -> None:
         says why in its line. Buffers of a .gltf come in fields `file`, too."""
         name = dispatcher.model(model).card.name
         uploads = await read_uploads(request, dispatcher.settings)
-        tasks = [_task(upload, name) for upload in uploads if upload.error is None]
+        tasks = [task_of(upload, name) for upload in uploads if upload.error is None]
         results = dispatcher.results(request, await dispatcher.submit(request, tasks))
         return _Lines(_lines(uploads, results, top), media_type=JSON_LINES)
 
@@ -113,7 +113,7 @@ def add_v1_routes(app: FastAPI, dispatcher: Dispatcher) -> None:
         explained_class(card.config.classes, card.config.pooling, label)
         form = _acceptable_form(request)
         upload = await read_upload(request, dispatcher.settings)
-        task = replace(_task(upload, card.name), explanation=ExplanationOptions(form, label))
+        task = replace(task_of(upload, card.name), explanation=ExplanationOptions(form, label))
         prediction = await dispatcher.predict(request, task)
         headers = {"vary": "accept"}
         return Response(prediction.explanation, 200, headers, FORMS[form].media_type)
@@ -162,7 +162,7 @@ def add_v1_routes(app: FastAPI, dispatcher: Dispatcher) -> None:
         return FileResponse(path, media_type=FORMATS[path.suffix[1:]].media_types[0])
 
 
-def _task(upload: Upload, model: str) -> Task:
+def task_of(upload: Upload, model: str) -> Task:
     return Task(model, upload.content, upload.name, upload.declared, pieces=upload.pieces)
 
 

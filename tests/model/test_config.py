@@ -4,7 +4,7 @@ import pytest
 from click.testing import CliRunner
 from pydantic import TypeAdapter
 
-from meshconv3d.model.config import PRESETS, NetworkConfig, StoredConfig, preset
+from meshconv3d.model.config import PRESETS, NetworkConfig, preset
 from meshconv3d.service.cli.main import commands
 
 
@@ -30,14 +30,14 @@ def test_impossible_settings_are_refused(changes):
 
 
 def test_json_round_trip(config):
-    stored = TypeAdapter(StoredConfig)
+    stored = TypeAdapter(NetworkConfig)
     assert stored.validate_json(stored.dump_json(config)) == config
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"classes": ["a"], "surprise": 1}'])
 def test_other_json_is_refused(text):
     with pytest.raises(ValueError, match=r".+"):
-        TypeAdapter(StoredConfig).validate_json(text)
+        TypeAdapter(NetworkConfig).validate_json(text)
 
 
 def test_settings_go_over_a_preset():

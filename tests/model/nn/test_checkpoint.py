@@ -2,7 +2,7 @@
 
 import json
 import os
-from dataclasses import asdict, replace
+from dataclasses import asdict
 
 import pytest
 import torch
@@ -18,7 +18,6 @@ from meshconv3d.model.nn.checkpoint import (
     save_checkpoint,
     save_tensors,
 )
-from tests.conftest import WIDER
 from tests.networks import untrained
 
 CALIBRATION = Calibration(temperature=0.7, novelty_limit=12.5, meshes=90)
@@ -158,33 +157,3 @@ def test_an_older_format_is_refused_with_the_way_out(saved):
 
 def test_the_calibration_comes_back(saved):
     assert load_checkpoint(saved).calibration == CALIBRATION
-
-
-def test_what_was_measured_with_another_pooling_is_left_out(config, tmp_path):
-    path = tmp_path / "model.safetensors"
-    training = {"data": {"name": "shapes"}, "accuracy": {"test": 1.0}}
-    save_checkpoint(Checkpoint(untrained(config), CALIBRATION, training), path)
-    older = load_checkpoint(resaved(path, format_version="3"))
-    assert older.calibration is None
-    assert older.training == {"data": {"name": "shapes"}}
-
-
-def test_format_version_2_is_read(tmp_path):
-    config = replace(WIDER, channels=(4, 4, 4))
-    path = tmp_path / "model.safetensors"
-    save_checkpoint(Checkpoint(untrained(config)), path)
-    tensors, metadata = load_tensors(path)
-    settings = json.loads(metadata["config"])
-    settings["surroundings"] = settings.pop("integral_invariants")
-    old = {"patch_padding": "null", "pooling_survivor": True}
-    tensors = {
-        name.replace("integral_invariants", "surroundings"): v for name, v in tensors.items()
-    }
-    metadata |= {"format_version": "2", "config": json.dumps(settings | old)}
-    save_tensors(tensors, metadata, path)
-    assert load_checkpoint(path).network.config == config
-    save_tensors(
-        tensors, metadata | {"config": json.dumps(settings | {"pooling_survivor": False})}, path
-    )
-    with pytest.raises(CheckpointError, match="pooling_survivor no longer exists"):
-        load_checkpoint(path)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from meshconv3d.model.nn.out_of_distribution import SHRINKAGE, Novelty
+from meshconv3d.model.nn.feature_space import SHRINKAGE, Novelty
 
 MEANS = torch.tensor([[4.0, 0, 0, 0], [0, 4.0, 0, 0], [0, 0, 4.0, 0]])
 

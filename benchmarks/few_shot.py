@@ -1,0 +1,102 @@
+"""Teaching from a few examples: `python -m benchmarks.few_shot MODEL DATA [DATA...]`.
+
+DATA is laid out as CLASS/files, of classes that MODEL was not trained on. Each task draws classes
+and a few examples of each, teaches MODEL (`meshconv3d teach`) and classifies all other meshes of
+these classes. The table has the mean over tasks of the share that is right, each class counting the
+same, and its standard error.
+"""
+
+import argparse
+import math
+from pathlib import Path
+
+import numpy as np
+
+from meshconv3d.export.teaching import Examples, Teacher
+from meshconv3d.model.datasets import class_names, list_samples
+from meshconv3d.model.errors import MeshError
+from meshconv3d.model.loading import load_mesh
+from meshconv3d.model.preparation import prepare
+from meshconv3d.model.topology.inputs import mesh_inputs
+from meshconv3d.service.models import ModelFile
+
+SHOTS = (1, 3, 5, 10)
+WAYS = 20
+TASKS = 200
+LEAST_TESTED = 2  # meshes of each class that are no example
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("model", help="a shipped model's name or a model file")
+    parser.add_argument("data", type=Path, nargs="+", help="folders laid out as CLASS/files")
+    arguments = parser.parse_args()
+    teacher = Teacher(ModelFile.read(arguments.model).content)
+    for data in arguments.data:
+        everything = read(teacher, data)
+        print(
+            f"{arguments.model} on {data.name}: {len(everything.files)} meshes, "
+            f"{len(everything.classes)} classes, {TASKS} tasks"
+        )
+        for shots in SHOTS:
+            rng = np.random.default_rng(shots)
+            shares = [task(teacher, everything, shots, rng) for _ in range(TASKS)]
+            found = [share for share in shares if share is not None]
+            if found:
+                ways = min(WAYS, len(eligible(everything, shots)))
+                error = np.std(found) / math.sqrt(len(found))
+                print(
+                    f"  {ways} classes, {shots:2} examples each: "
+                    f"{np.mean(found):6.1%} +- {error:.1%}"
+                )
+
+
+def read(teacher: Teacher, folder: Path) -> Examples:
+    """All usable meshes of a folder, with their features."""
+    samples = list_samples(folder)
+    used, features = [], []
+    for sample in samples:
+        try:
+            mesh, _ = prepare(load_mesh(sample.path), teacher.card.config.face_budget)
+        except MeshError:
+            continue
+        features.append(teacher.features(mesh_inputs(mesh, teacher.card.config)))
+        used.append(sample)
+    classes = class_names(used)
+    labels = np.array([classes.index(sample.label) for sample in used])
+    return Examples(classes, tuple(str(s.path) for s in used), labels, np.stack(features))
+
+
+def eligible(everything: Examples, shots: int) -> np.ndarray:
+    """Classes with enough meshes to learn from and to be tested on."""
+    return np.flatnonzero(everything.counts >= shots + LEAST_TESTED)
+
+
+def task(
+    teacher: Teacher, everything: Examples, shots: int, rng: np.random.Generator
+) -> float | None:
+    """Mean over classes of the share that is right in one random task; None for too few classes."""
+    able = eligible(everything, shots)
+    if len(able) < 2:
+        return None
+    chosen = rng.choice(able, min(WAYS, len(able)), replace=False)
+    known, asked = [], []
+    for label in chosen:
+        members = rng.permutation(np.flatnonzero(everything.labels == label))
+        known += members[:shots].tolist()
+        asked += members[shots:].tolist()
+    renumbered = {label: place for place, label in enumerate(chosen.tolist())}
+    examples = Examples(
+        tuple(everything.classes[label] for label in chosen),
+        tuple(everything.files[i] for i in known),
+        np.array([renumbered[label] for label in everything.labels[known].tolist()]),
+        everything.features[known],
+    )
+    head, _ = teacher.fit(examples)
+    given = chosen[(everything.features[asked] @ head.weight.T + head.bias).argmax(axis=1)]
+    labels = everything.labels[asked]
+    return float(np.mean([np.mean(given[labels == label] == label) for label in chosen]))
+
+
+if __name__ == "__main__":
+    main()

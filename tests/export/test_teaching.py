@@ -1,0 +1,147 @@
+"""A taught head is a linear discriminant analysis; its file is an ordinary model file."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from meshconv3d.export.metadata import ModelFileError
+from meshconv3d.export.runtime import open_session
+from meshconv3d.export.teaching import EXAMPLES, Examples, Teacher, confusions, doubted
+from meshconv3d.model.loading import load_mesh
+from meshconv3d.model.preparation import prepare
+from meshconv3d.model.samples import sample_paths
+from meshconv3d.model.topology.inputs import collate, mesh_inputs
+
+CLASSES = ("bolt", "nut", "ring", "washer")
+
+
+@pytest.fixture(scope="module")
+def teacher(model_file: Path) -> Teacher:
+    return Teacher(model_file.read_bytes())
+
+
+def drawn(teacher: Teacher, of_each: int, apart: float = 0.5, seed: int = 0) -> Examples:
+    """Examples of four classes around random means."""
+    rng = np.random.default_rng(seed)
+    channels = len(teacher._centre)
+    means = rng.normal(0, apart, (len(CLASSES), channels))
+    labels = np.arange(of_each * len(CLASSES)) % len(CLASSES)
+    features = means[labels] + rng.normal(0, 0.2, (len(labels), channels))
+    files = tuple(f"{i}.stl" for i in range(len(labels)))
+    return Examples(CLASSES, files, labels, features.astype(np.float32))
+
+
+def without(examples: Examples, member: int) -> Examples:
+    kept = [i for i in range(len(examples.files)) if i != member]
+    files = tuple(examples.files[i] for i in kept)
+    return Examples(examples.classes, files, examples.labels[kept], examples.features[kept])
+
+
+def test_scores_part_by_distance_under_the_shared_covariance(teacher: Teacher) -> None:
+    examples = drawn(teacher, 6)
+    head, _ = teacher.fit(examples)
+    point = np.random.default_rng(1).normal(0, 0.5, len(teacher._centre))
+    scores = head.weight @ point + head.bias
+    whitened = (point - teacher._centre) @ head.within
+    distances = np.sum((whitened - head.means) ** 2, axis=1)
+    assert np.diff(scores) == pytest.approx(-np.diff(distances) / 16, rel=1e-3, abs=1e-3)
+
+
+def test_one_example_of_each_class_is_enough(teacher: Teacher) -> None:
+    examples = drawn(teacher, 1)
+    head, left_out = teacher.fit(examples)
+    given = (examples.features @ head.weight.T + head.bias).argmax(axis=1)
+    assert given.tolist() == examples.labels.tolist()
+    assert len(left_out.labels) == 0
+
+
+def test_leaving_one_out_is_as_if_it_had_never_been_taught(teacher: Teacher) -> None:
+    examples = drawn(teacher, 5, apart=0.1)
+    _, left_out = teacher.fit(examples)
+    assert 0.2 < left_out.accuracy < 1  # there is something to tell
+    for place, member in enumerate(left_out.members.tolist()):
+        head, _ = teacher.fit(without(examples, member))
+        literal = head.weight @ examples.features[member] + head.bias
+        found = left_out.scores[place]
+        # They differ by a constant, and by what the example adds to the mean variance.
+        assert found - found.mean() == pytest.approx(literal - literal.mean(), rel=0.15, abs=0.15)
+
+
+def test_a_mislabelled_example_is_named(teacher: Teacher) -> None:
+    examples = drawn(teacher, 8, apart=2)
+    labels = examples.labels.copy()
+    labels[0] = 3  # it was 0
+    wrong = Examples(CLASSES, examples.files, labels, examples.features)
+    _, left_out = teacher.fit(wrong)
+    assert doubted(wrong, left_out, 1.0) == [("0.stl", "bolt")]
+    assert confusions(wrong, left_out) == [("washer", "bolt", 1)]
+
+
+def test_a_taught_file_gives_the_scores_of_its_head_and_the_embedding_of_its_base(
+    teacher: Teacher, model_file: Path
+) -> None:
+    name, path = next(iter(sample_paths().items()))
+    mesh, _ = prepare(load_mesh(path), teacher.card.config.face_budget)
+    inputs = mesh_inputs(mesh, teacher.card.config)
+    own = Teacher(model_file.read_bytes())
+    examples = drawn(own, 3)
+    head, left_out = own.fit(examples)
+    taught = own.teach("mine", examples, (name, inputs), by="Anna")
+    session = open_session(taught.content)
+    outputs = dict(
+        zip(
+            (output.name for output in session.get_outputs()),
+            session.run(None, collate([inputs])),
+            strict=True,
+        )
+    )
+    expected = teacher.features(inputs) @ head.weight.T + head.bias
+    assert outputs["scores"][0] == pytest.approx(expected, rel=1e-4, abs=1e-4)
+    assert outputs["evidence"].mean(axis=0) + head.bias == pytest.approx(
+        expected, rel=1e-3, abs=1e-3
+    )
+    base = open_session(model_file.read_bytes())
+    assert np.array_equal(outputs["embedding"], base.run(["embedding"], collate([inputs]))[0])
+    card = taught.card
+    assert card.config.classes == CLASSES
+    assert card.space == teacher.card.space
+    assert card.accuracy["left_out"] == round(left_out.accuracy, 5)
+    assert card.training["taught"]["by"] == "Anna"
+    assert card.training["taught"]["examples"] == dict.fromkeys(CLASSES, 3)
+    assert "Taught by Anna" in card.about
+
+
+def test_adding_examples_is_as_teaching_all_at_once(teacher: Teacher) -> None:
+    everything = drawn(teacher, 4)
+    some = Examples(
+        CLASSES[:3],
+        tuple(f for f, label in zip(everything.files, everything.labels, strict=True) if label < 3),
+        everything.labels[everything.labels < 3],
+        everything.features[everything.labels < 3],
+    )
+    others = Examples(
+        CLASSES[3:],
+        tuple(
+            f for f, label in zip(everything.files, everything.labels, strict=True) if label == 3
+        ),
+        np.zeros(4, np.int64),
+        everything.features[everything.labels == 3],
+    )
+    joined = Examples.from_property(some.to_property()).joined(others)
+    assert joined.classes == CLASSES
+    order = [everything.files.index(file) for file in joined.files]
+    assert joined.labels.tolist() == everything.labels[order].tolist()
+    assert joined.features == pytest.approx(everything.features[order], rel=1e-3)
+    again = joined.joined(others)
+    assert len(again.files) == len(everything.files)  # one of the same name is replaced
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"classes":[],"files":[],"labels":[0]}'])
+def test_damaged_examples_are_refused(text: str) -> None:
+    with pytest.raises(ModelFileError, match="damaged"):
+        Examples.from_property(text)
+
+
+def test_examples_are_beside_the_card_in_the_file() -> None:
+    assert not EXAMPLES.startswith("meshconv3d.")

@@ -1,0 +1,127 @@
+"""`meshconv3d embed`, `similar`, `duplicates`, and the routes that search."""
+
+import base64
+import json
+from pathlib import Path
+
+import httpx
+import numpy as np
+import pytest
+from pyarrow import parquet
+
+from meshconv3d.model.mesh import Mesh
+from tests.commands import meshconv3d
+from tests.meshes import cube, icosphere, sheet, together, write_off
+from tests.service.conftest import Start
+
+# Boxes of different sizes along a winding line: no plane of symmetry.
+PLACES = ((0, 0, 0, 1.0), (2, 0, 0, 0.7), (2, 1.5, 0, 0.5), (2, 1.5, 1.2, 0.3))
+STEPS = together(*(Mesh(cube().vertices * size + place, cube().faces) for *place, size in PLACES))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Boxes in steps, also renumbered, larger, and mirrored; other shapes, and no mesh."""
+    folder = tmp_path_factory.mktemp("shapes")
+    order = np.random.default_rng(0).permutation(len(STEPS.faces))
+    write_off(folder / "steps.off", STEPS)
+    write_off(folder / "renumbered.off", Mesh(STEPS.vertices, STEPS.faces[order]))
+    write_off(folder / "large.off", Mesh(STEPS.vertices * 2, STEPS.faces))
+    write_off(folder / "mirrored.off", Mesh(STEPS.vertices * (1, 1, -1), STEPS.faces[:, ::-1]))
+    for name, mesh in (("ball", icosphere(2)), ("cube", cube()), ("sheet", sheet())):
+        write_off(folder / f"{name}.off", mesh)
+    (folder / "broken.stl").write_bytes(b"nothing")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def library(folder: Path, model_file: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    file = tmp_path_factory.mktemp("library") / "library.parquet"
+    done = meshconv3d("embed", folder, "-o", file, "--model", model_file)
+    assert done.returncode == 1, done.stderr  # one file is no mesh
+    return file
+
+
+def names(lines: str) -> list[str]:
+    return [Path(json.loads(line)["file"]).stem for line in lines.splitlines()]
+
+
+def test_a_library_is_a_table_that_others_read(library: Path) -> None:
+    rows = parquet.read_table(library).to_pylist()
+    embedded = [row for row in rows if row["embedding"]]
+    assert len(rows) == 8
+    assert len(embedded) == 7
+    lengths = [np.linalg.norm(row["embedding"]) for row in embedded]
+    assert lengths == pytest.approx([1] * 7, abs=1e-3)
+    assert {row["space"] for row in embedded} != {None}
+    assert all(row["picture"].startswith(b"\x89PNG") for row in embedded)
+
+
+def test_the_same_shape_is_nearest(folder: Path, library: Path, model_file: Path) -> None:
+    done = meshconv3d(
+        "similar", folder / "steps.off", "--in", library, "--top", 4, "--model", model_file
+    )
+    assert set(names(done.stdout)[:3]) == {"steps", "renumbered", "large"}
+    first = json.loads(done.stdout.splitlines()[0])
+    assert first["distance"] == pytest.approx(0, abs=1e-3)
+    assert first["same_shape"] > 0.7
+
+
+def test_duplicates_are_grouped_and_told_apart(
+    library: Path, model_file: Path, tmp_path: Path
+) -> None:
+    page = tmp_path / "page.html"
+    done = meshconv3d(
+        "duplicates", library, "--model", model_file, "--least", 0.6, "--report", page
+    )
+    groups = [
+        {Path(one["file"]).stem: one["differs"] for one in json.loads(line)}
+        for line in done.stdout.splitlines()
+    ]
+    group = next(group for group in groups if "steps" in group)
+    assert group["steps"] == "first"
+    assert group["renumbered"] == "same shape"
+    assert group["large"] == "2 times as large"
+    assert group["mirrored"] == "mirrored"
+    assert not {"ball", "cube", "sheet"} & set(group)
+    assert "data:image/png" in page.read_text()
+
+
+def test_a_library_of_another_model_is_refused(
+    library: Path, folder: Path, model_file: Path, tmp_path: Path
+) -> None:
+    for arguments in (
+        ("similar", folder / "steps.off", "--in", library, "--model", "shrec11"),
+        ("duplicates", library, "--model", "shrec11"),
+    ):
+        done = meshconv3d(*arguments)
+        assert done.returncode == 2
+        assert "another model" in done.stderr
+    other = tmp_path / "other.parquet"
+    other.write_bytes(b"PAR1 no table")
+    done = meshconv3d("duplicates", other, "--model", model_file)
+    assert done.returncode == 2
+    assert "is no library" in done.stderr
+
+
+def test_the_service_searches_its_library(start: Start, library: Path, folder: Path) -> None:
+    url = start("--library", str(library)).url
+    assert httpx.get(f"{url}/v1/library").json() == {"library": {"meshes": 7, "model": "tiny"}}
+    with (folder / "renumbered.off").open("rb") as file:
+        found = httpx.post(f"{url}/v1/similar?top=3", files={"file": file}).json()
+    assert found["library"] == 7
+    assert found["query"]["file"] == "renumbered.off"
+    assert {Path(one["file"]).stem for one in found["similar"]} == {"steps", "renumbered", "large"}
+    assert base64.b64decode(found["similar"][0]["picture"]).startswith(b"\x89PNG")
+    with (folder / "large.off").open("rb") as file:
+        answer = httpx.post(f"{url}/v1/embed", files={"file": file}).json()
+    rows = {Path(row["file"]).stem: row for row in parquet.read_table(library).to_pylist()}
+    assert answer["embedding"] == pytest.approx(rows["large"]["embedding"], abs=1e-5)
+    assert answer["radius"] == pytest.approx(2 * rows["steps"]["radius"])
+
+
+def test_a_service_without_a_library_says_how_to_start_one(client: httpx.Client) -> None:
+    assert client.get("/v1/library").json() == {"library": None}
+    answer = client.post("/v1/similar", files={"file": ("a.off", b"OFF")})
+    assert answer.status_code == 404
+    assert "--library" in answer.json()["detail"]
