@@ -21,7 +21,7 @@ HAND = sample_paths()["hand"]
 
 @pytest.fixture(scope="module")
 def shrec11() -> meshconv3d.Classifier:
-    return meshconv3d.load()
+    return meshconv3d.load("shrec11")
 
 
 def run(program: str, folder: Path) -> list[str]:

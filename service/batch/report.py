@@ -15,8 +15,10 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
+from numpy.typing import NDArray
 
 from meshconv3d.model.files import replacing
 from meshconv3d.service.prediction import ModelId
@@ -32,6 +34,8 @@ SLOWEST = 20
 BINS = 20
 # Classes of a file that the page names.
 LIKELIEST = 3
+# Unknown files that the page shows beside one that they are like.
+ALIKE = 6
 
 # A file as the page's script reads it.
 Entry = dict[str, Any]
@@ -55,8 +59,10 @@ class Gallery:
         # By class, the surest first: (-probability, order of arrival, file).
         self._classes: dict[str | None, list[tuple[float, int, Entry]]] = defaultdict(list)
 
-    def add(self, answer: Answer, picture: bytes | None) -> None:
-        """Add a file, and drop one if that makes too many."""
+    def add(
+        self, answer: Answer, picture: bytes | None, embedding: NDArray[np.float32] | None
+    ) -> None:
+        """Add a file, and drop one if that makes too many. embedding: of an unknown one."""
         entry = {
             "file": answer.file or "-",
             "unknown": bool(answer.unknown),
@@ -64,6 +70,7 @@ class Gallery:
             "faces": answer.mesh.faces_in,
             "milliseconds": round(sum(answer.timings_ms.values()), 1),
             "picture": picture and base64.b64encode(picture).decode(),
+            "embedding": embedding if answer.unknown else None,
         }
         key = None if answer.unknown else answer.class_
         heapq.heappush(self._classes[key], (-answer.probability, next(self._order), entry))
@@ -75,7 +82,25 @@ class Gallery:
     def least_certain_first(self) -> list[Entry]:
         """The files, by ascending probability."""
         held = (one for files in self._classes.values() for one in files)
-        return [entry for _, _, entry in sorted(held, key=lambda one: (-one[0], one[1]))]
+        files = [entry for _, _, entry in sorted(held, key=lambda one: (-one[0], one[1]))]
+        return _with_alike(files)
+
+
+def _with_alike(files: Sequence[Entry]) -> list[Entry]:
+    """The files with "alike" for "embedding": the places of the ALIKE unknown files that are most
+    like each unknown one, so that a person can name them together."""
+    unknown = [i for i, entry in enumerate(files) if entry["embedding"] is not None]
+    alike: dict[int, list[int]] = {}
+    if len(unknown) > 1:
+        embeddings = np.stack([files[i]["embedding"] for i in unknown])
+        for place, one in zip(unknown, embeddings, strict=True):
+            nearest = np.argsort(-(embeddings @ one), kind="stable")[: ALIKE + 1]
+            alike[place] = [unknown[i] for i in nearest if unknown[i] != place][:ALIKE]
+    return [
+        {name: value for name, value in entry.items() if name != "embedding"}
+        | {"alike": alike.get(place, [])}
+        for place, entry in enumerate(files)
+    ]
 
 
 @dataclass
@@ -105,8 +130,14 @@ class Report:
         self._order = itertools.count()
         self._slowest: list[tuple[float, int, str, dict[str, float]]] = []
 
-    def add(self, record: Answer | Refusal, picture: bytes | None = None) -> None:
-        """Take the record of one file, and its picture where there is one (`service.picture`)."""
+    def add(
+        self,
+        record: Answer | Refusal,
+        picture: bytes | None = None,
+        embedding: NDArray[np.float32] | None = None,
+    ) -> None:
+        """Take the record of one file, with its picture (`service.picture`) and its embedding where
+        they are at hand."""
         if isinstance(record, Refusal):
             fault = self.faults[record.error.fault]
             fault.files += 1
@@ -118,7 +149,7 @@ class Report:
         else:
             self.classes[record.class_] += 1
             self.histogram[min(int(record.probability * BINS), BINS - 1)] += 1
-        self.gallery.add(record, picture)
+        self.gallery.add(record, picture, embedding)
         timings = record.timings_ms
         slow = (sum(timings.values()), next(self._order), record.file or "-", timings)
         heapq.heappush(self._slowest, slow)

@@ -15,6 +15,9 @@ from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from typing import Self, TypeVar
 
+import numpy as np
+from numpy.typing import NDArray
+
 from meshconv3d.model.errors import MeshError, UnusableMesh
 from meshconv3d.model.loading import Limits
 from meshconv3d.service.batch.files import File
@@ -71,6 +74,11 @@ class FileResult:
     def picture(self) -> bytes | None:
         """PNG of the mesh, where pictures are drawn."""
         return self.result.picture if isinstance(self.result, Prediction) else None
+
+    @property
+    def embedding(self) -> NDArray[np.float32] | None:
+        """Embedding of the mesh, if it was classified."""
+        return self.result.embedding if isinstance(self.result, Prediction) else None
 
 
 @dataclass

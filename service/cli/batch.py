@@ -112,7 +112,7 @@ def batch(
         if sorted_folder is not None and sorted_folder.place(one) is None:
             unplaced += 1
         if report is not None:
-            report.add(found, one.picture)
+            report.add(found, one.picture, one.embedding)
         # Last: a run that is killed and goes on has all in the folder and the report.
         output.add(found, one.sha256)
 

@@ -105,6 +105,26 @@ function filter() {
   at("#found").textContent = found.length === 1 ? "1 file" : `${found.length} files`;
 }
 
+function alike(entry) {
+  const button = element("button", "stage", entry.picture ? "" : entry.file);
+  button.type = "button";
+  button.title = entry.file;
+  button.setAttribute("aria-label", entry.file);
+  const image = new Image(64, 64);
+  image.alt = "";
+  show(image, entry);
+  button.append(image);
+  button.addEventListener("click", () => {
+    if (!found.includes(entry)) {
+      form.reset();
+      fields.which.value = "unknown";
+      filter();
+    }
+    openDetail(found.indexOf(entry));
+  });
+  return button;
+}
+
 function openDetail(index) {
   open = index;
   const entry = found[index];
@@ -119,6 +139,8 @@ function openDetail(index) {
   at(".path bdi", detail).textContent = entry.file;
   const nearest = entry.unknown ? "Unlike every class; above are the nearest. " : "";
   at(".hint", detail).textContent = `${nearest}${entry.faces} faces, ${entry.milliseconds} ms`;
+  at("#alike").hidden = entry.alike.length === 0;
+  at(".alike", detail).replaceChildren(...entry.alike.map((place) => alike(entries[place])));
   at("[data-step='-1']", detail).disabled = index === 0;
   at("[data-step='1']", detail).disabled = index === found.length - 1;
   if (!detail.open) detail.showModal();

@@ -24,7 +24,7 @@ def close(expected: np.ndarray):
 
 def run(network: Network, batch: list[MeshInputs]) -> tuple[np.ndarray, np.ndarray]:
     with torch.inference_mode():
-        scores, evidence, _ = network(*as_tensors(collate(batch)))
+        scores, evidence, *_ = network(*as_tensors(collate(batch)))
     return scores.numpy(), evidence.numpy()
 
 

@@ -7,6 +7,7 @@ import resource
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from meshconv3d.service.batch.report import MOST_NAMED, SLOWEST, Report, write_page
@@ -87,6 +88,19 @@ def test_the_page_is_one_file_that_says_all(tmp_path: Path) -> None:
     assert certain["file"] == "here/ring.obj"
     assert certain["likeliest"] == [["ring", 0.75], ["something else", 0.25]]
     assert "No picture of 1: an earlier run classified them" in text
+
+
+def test_an_unknown_file_has_the_unknown_ones_beside_it_that_are_like_it(tmp_path: Path) -> None:
+    toys = report()
+    toys.add(answer("known.obj", probability=0.1), None, np.array([1, 0], np.float32))
+    for angle in (0.0, 0.1, 1.5, 0.2):
+        direction = np.array([np.cos(angle), np.sin(angle)], np.float32)
+        toys.add(answer(f"{angle}.obj", unknown=True), None, direction)
+    found = entries(page(toys, tmp_path))
+    alike = {one["file"]: [found[place]["file"] for place in one["alike"]] for one in found}
+    assert alike["known.obj"] == []
+    assert alike["0.0.obj"] == ["0.1.obj", "0.2.obj", "1.5.obj"]
+    assert all("embedding" not in one for one in found)
 
 
 def test_the_page_names_no_other_address(tmp_path: Path) -> None:

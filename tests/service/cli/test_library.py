@@ -25,9 +25,11 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("shapes")
     order = np.random.default_rng(0).permutation(len(STEPS.faces))
     write_off(folder / "steps.off", STEPS)
-    write_off(folder / "renumbered.off", Mesh(STEPS.vertices, STEPS.faces[order]))
-    write_off(folder / "large.off", Mesh(STEPS.vertices * 2, STEPS.faces))
-    write_off(folder / "mirrored.off", Mesh(STEPS.vertices * (1, 1, -1), STEPS.faces[:, ::-1]))
+    write_off(folder / "steps_renumbered.off", Mesh(STEPS.vertices, STEPS.faces[order]))
+    write_off(folder / "steps_large.off", Mesh(STEPS.vertices * 2, STEPS.faces))
+    write_off(
+        folder / "steps_mirrored.off", Mesh(STEPS.vertices * (1, 1, -1), STEPS.faces[:, ::-1])
+    )
     for name, mesh in (("ball", icosphere(2)), ("cube", cube()), ("sheet", sheet())):
         write_off(folder / f"{name}.off", mesh)
     (folder / "broken.stl").write_bytes(b"nothing")
@@ -61,7 +63,7 @@ def test_the_same_shape_is_nearest(folder: Path, library: Path, model_file: Path
     done = meshconv3d(
         "similar", folder / "steps.off", "--in", library, "--top", 4, "--model", model_file
     )
-    assert set(names(done.stdout)[:3]) == {"steps", "renumbered", "large"}
+    assert set(names(done.stdout)[:3]) == {"steps", "steps_renumbered", "steps_large"}
     first = json.loads(done.stdout.splitlines()[0])
     assert first["distance"] == pytest.approx(0, abs=1e-3)
     assert first["same_shape"] > 0.7
@@ -80,9 +82,9 @@ def test_duplicates_are_grouped_and_told_apart(
     ]
     group = next(group for group in groups if "steps" in group)
     assert group["steps"] == "first"
-    assert group["renumbered"] == "same shape"
-    assert group["large"] == "2 times as large"
-    assert group["mirrored"] == "mirrored"
+    assert group["steps_renumbered"] == "same shape"
+    assert group["steps_large"] == "2 times as large"
+    assert group["steps_mirrored"] == "mirrored"
     assert not {"ball", "cube", "sheet"} & set(group)
     assert "data:image/png" in page.read_text()
 
@@ -107,16 +109,20 @@ def test_a_library_of_another_model_is_refused(
 def test_the_service_searches_its_library(start: Start, library: Path, folder: Path) -> None:
     url = start("--library", str(library)).url
     assert httpx.get(f"{url}/v1/library").json() == {"library": {"meshes": 7, "model": "tiny"}}
-    with (folder / "renumbered.off").open("rb") as file:
+    with (folder / "steps_renumbered.off").open("rb") as file:
         found = httpx.post(f"{url}/v1/similar?top=3", files={"file": file}).json()
     assert found["library"] == 7
-    assert found["query"]["file"] == "renumbered.off"
-    assert {Path(one["file"]).stem for one in found["similar"]} == {"steps", "renumbered", "large"}
+    assert found["query"]["file"] == "steps_renumbered.off"
+    assert {Path(one["file"]).stem for one in found["similar"]} == {
+        "steps",
+        "steps_renumbered",
+        "steps_large",
+    }
     assert base64.b64decode(found["similar"][0]["picture"]).startswith(b"\x89PNG")
-    with (folder / "large.off").open("rb") as file:
+    with (folder / "steps_large.off").open("rb") as file:
         answer = httpx.post(f"{url}/v1/embed", files={"file": file}).json()
     rows = {Path(row["file"]).stem: row for row in parquet.read_table(library).to_pylist()}
-    assert answer["embedding"] == pytest.approx(rows["large"]["embedding"], abs=1e-5)
+    assert answer["embedding"] == pytest.approx(rows["steps_large"]["embedding"], abs=1e-5)
     assert answer["radius"] == pytest.approx(2 * rows["steps"]["radius"])
 
 
