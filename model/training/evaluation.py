@@ -30,14 +30,29 @@ def predict(network: Network, meshes: Sequence[LabelledMesh]) -> Outputs:
     return Outputs(*(torch.cat(part).cpu() for part in zip(*parts, strict=True)))
 
 
-@torch.inference_mode()
 def fit_feature_space(network: Network, samples: LoadedSamples) -> None:
     """Fit out-of-distribution score and embedding to the training meshes and their copies."""
+    fit_novelty(network, samples)
+    fit_embedding(network, samples)
+
+
+def fit_novelty(network: Network, samples: LoadedSamples) -> None:
+    """Fit the out-of-distribution score to the training meshes and their copies."""
     meshes = list(chain.from_iterable(samples.versions))
-    pooled = torch.cat([network.features(*batch)[1].cpu() for batch in _batches(network, meshes)])
-    network.novelty.cpu().fit(pooled, _labels(meshes))
+    network.novelty.cpu().fit(_pooled_features(network, meshes), _labels(meshes))
+
+
+def fit_embedding(network: Network, samples: LoadedSamples) -> None:
+    """Fit the embedding to the training meshes and their copies."""
+    meshes = list(chain.from_iterable(samples.versions))
     counts = torch.tensor([len(versions) for versions in samples.versions])
-    network.embedding.cpu().fit(pooled, torch.arange(len(counts)).repeat_interleave(counts))
+    numbers = torch.arange(len(counts)).repeat_interleave(counts)
+    network.embedding.cpu().fit(_pooled_features(network, meshes), numbers)
+
+
+@torch.inference_mode()
+def _pooled_features(network: Network, meshes: Sequence[LabelledMesh]) -> Tensor:
+    return torch.cat([network.features(*batch)[1].cpu() for batch in _batches(network, meshes)])
 
 
 def calibrate_network(network: Network, samples: LoadedSamples) -> Calibration:

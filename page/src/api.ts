@@ -36,6 +36,20 @@ export interface Answer {
   timings_ms: Record<string, number>;
 }
 
+/** A mesh of the service's library. */
+export interface Alike {
+  file: string;
+  class: string;
+  distance: number;
+  same_shape: number | null;
+  picture: string | null;
+}
+
+export interface Library {
+  meshes: number;
+  model: string;
+}
+
 export interface Model {
   name: string;
   config: { classes: string[]; pooling: "geometric" | "learned" };
@@ -100,12 +114,21 @@ export async function sampleFile(sample: Sample): Promise<File> {
   return new File([await response.blob()], sample.file);
 }
 
+export const library = async () =>
+  (await getJson<{ library: Library | null }>("v1/library")).library;
+
 export type Progress = (share: number) => void;
 
 /** Classify a file, which comes first, with its pieces; `progress` hears what share of it is sent. */
 export async function classify(files: File[], model: string, progress: Progress): Promise<Answer> {
   const blob = await post(files, "v1/classify", { model }, "application/json", progress);
   return JSON.parse(await blob.text()) as Answer;
+}
+
+/** The meshes of the library that are most like a file, the nearest first. */
+export async function similar(files: File[]): Promise<Alike[]> {
+  const blob = await post(files, "v1/similar", {}, "application/json", () => {});
+  return (JSON.parse(await blob.text()) as { similar: Alike[] }).similar;
 }
 
 /** A file explained, in one of the media types that the service offers. */

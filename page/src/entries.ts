@@ -1,6 +1,6 @@
 // The files of a visit, and what is known of each.
 
-import type { Answer, Refused } from "./api";
+import type { Alike, Answer, Refused } from "./api";
 import type { Shown } from "./parsing";
 
 /** What the colours of an explained mesh mean; the service's legend. */
@@ -36,6 +36,9 @@ export class Entry {
   /** The class that was chosen last, whose evidence may be on its way. */
   wanted: string | null = null;
   explainError: Refused | null = null;
+  /** Meshes of the library that are like it; null: not asked for. */
+  similar: Alike[] | null = null;
+  searching = false;
   /** Whether all classes are listed, or only the likeliest. */
   allClasses = false;
   zUp: boolean;

@@ -41,6 +41,7 @@ function render(): void {
         choose: (label) => void visit.choose(entry, label),
         retry: () => visit.ask(entry, modelPicker.value),
         save: (form) => void save(form),
+        search: visit.library && (() => void visit.search(entry)),
       }),
     ),
   );
@@ -99,7 +100,13 @@ function askAgain(): void {
 }
 
 async function start(): Promise<void> {
-  const [models, limits, read] = await Promise.all([api.models(), api.limits(), api.formats()]);
+  const [models, limits, read, library] = await Promise.all([
+    api.models(),
+    api.limits(),
+    api.formats(),
+    api.library(),
+  ]);
+  visit.library = library;
   const installed = read.filter((format) => !format.missing_extra);
   extensions = installed.flatMap(({ extension, aliases }) => [extension, ...aliases]);
   fileInput.accept = [...extensions, "bin"].map((extension) => `.${extension}`).join(",");

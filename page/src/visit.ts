@@ -23,6 +23,7 @@ export class Visit {
   readonly entries: Entry[] = [];
   current: Entry | null = null;
   models: api.Model[] = [];
+  library: api.Library | null = null;
   mostBytes = Infinity;
   private readonly queue: Entry[] = [];
   private running = 0;
@@ -92,6 +93,16 @@ export class Visit {
     } else {
       entry.wanted = entry.chosen;
     }
+    this.changed();
+  }
+
+  /** Look for meshes of the library that are like an entry. */
+  async search(entry: Entry): Promise<void> {
+    entry.searching = true;
+    this.changed();
+    entry.similar = await this.attempt(entry, () => api.similar([entry.file, ...entry.pieces]));
+    entry.searching = false;
+    if (entry.similar) this.say(`${entry.similar.length} meshes of the library are shown`);
     this.changed();
   }
 

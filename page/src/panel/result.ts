@@ -5,12 +5,15 @@ import { make } from "../dom";
 import type { Entry } from "../entries";
 import type { Form } from "../visit";
 import { describe, megabytes, percent, plain } from "../words";
+import { alike } from "./alike";
 import { bars } from "./bars";
 
 export interface Actions {
   choose(label: string): void;
   retry(): void;
   save(form: Form): void;
+  /** null where the service has no library. */
+  search: (() => void) | null;
 }
 
 /** The content of the panel for an entry. */
@@ -51,6 +54,7 @@ function success(
   return [
     ...verdict(answer),
     bars(answer, entry, explains ? actions.choose : null),
+    ...(actions.search ? [alike(entry, actions.search)] : []),
     section("The mesh", ...describe(answer.mesh).map((text) => make("p", { textContent: text }))),
     section("Time", timings(answer)),
     section("Take it with you", downloads(entry, explains, actions)),

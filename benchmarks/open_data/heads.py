@@ -1,0 +1,118 @@
+"""Shipped models of the open data: `python -m benchmarks.open_data.heads CHECKPOINT DATA OUT`.
+
+CHECKPOINT is a network that was trained on the classes of both sets at once, objects and parts;
+DATA is what `python -m benchmarks.open_data` laid out. A model is that network with the rows of its
+classifier that score one set's classes, so that both models have one embedding. Out-of-distribution
+score and calibration are measured on the set's own meshes. Writes OUT/objects.safetensors and
+OUT/parts.safetensors, and prints their accuracy on meshes to test on, which chose nothing.
+"""
+
+import argparse
+import logging
+from dataclasses import replace
+from itertools import chain
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from benchmarks.open_data.curation import SETS
+from meshconv3d.model.datasets import Sample, class_names, list_samples
+from meshconv3d.model.metrics import is_among_top
+from meshconv3d.model.nn.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
+from meshconv3d.model.nn.network import Network
+from meshconv3d.model.training.evaluation import (
+    calibrate_network,
+    fit_embedding,
+    fit_novelty,
+    predict,
+)
+from meshconv3d.model.training.meshes import LoadedSamples, load_samples
+
+# Varied copies of each mesh.
+COPIES = {"train": 3, "val": 5}
+# Tables of DATA beside that of a set: further meshes of its classes to test on.
+TESTED = {"objects": ("authors",), "parts": ("collected",)}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("checkpoint", type=Path)
+    parser.add_argument("data", type=Path)
+    parser.add_argument("out", type=Path)
+    arguments = parser.parse_args()
+    logging.disable(logging.WARNING)  # unusable copies are expected
+    torch.set_num_threads(1)
+    trained = load_checkpoint(arguments.checkpoint)
+    samples = {
+        name: list_samples(arguments.data / name, table(arguments.data, name)) for name in SETS
+    }
+    networks = {name: head(trained.network, class_names(s)) for name, s in samples.items()}
+    training = {
+        name: load_samples(
+            [s for s in samples[name] if s.split == "train"], network.config, COPIES["train"]
+        )
+        for name, network in networks.items()
+    }
+    everything = LoadedSamples(list(chain.from_iterable(s.versions for s in training.values())), 0)
+    fit_embedding(trained.network, everything)
+    for name, network in networks.items():
+        network.embedding.load_state_dict(trained.network.embedding.state_dict())
+        fit_novelty(network, training[name])
+        val = [s for s in samples[name] if s.split == "val"]
+        calibration = calibrate_network(network, load_samples(val, network.config, COPIES["val"]))
+        counts = {
+            split: sum(s.split == split for s in samples[name])
+            for split in ("train", "val", "test")
+        }
+        accuracy: dict[str, float | int | str] = {"selection": "last epoch"}
+        parts = {"val": val, "test": [s for s in samples[name] if s.split == "test"]}
+        for more in TESTED[name]:
+            parts[more] = list_samples(
+                arguments.data / name, table(arguments.data, f"{name}_{more}")
+            )
+        for part, chosen in parts.items():
+            accuracy |= measured(part, network, chosen)
+        record = trained.training | {
+            "data": {"name": SETS[name], "split": f"{name}.csv", **counts},
+            "accuracy": accuracy,
+        }
+        print(name, accuracy, flush=True)
+        path = arguments.out / f"{name}.safetensors"
+        save_checkpoint(Checkpoint(network, calibration, record), path)
+
+
+def table(data: Path, name: str) -> Path:
+    return data / f"{name}.csv"
+
+
+def head(network: Network, classes: tuple[str, ...]) -> Network:
+    """The network with the scores of some of its classes alone."""
+    made = Network(replace(network.config, classes=classes))
+    made.take_features(network)
+    rows = [network.config.classes.index(label) for label in classes]
+    with torch.no_grad():
+        made.classify.weight.copy_(network.classify.weight[rows])
+        made.classify.bias.copy_(network.classify.bias[rows])
+    return made.eval()
+
+
+def measured(part: str, network: Network, samples: list[Sample]) -> dict[str, float | int]:
+    """Top-1, top-5 and balanced accuracy of a part; refused files count as wrong."""
+    loaded = load_samples(samples, network.config)
+    labels = np.array([mesh.label for mesh in loaded.meshes])
+    scores = predict(network, loaded.meshes).scores.numpy()
+    right = is_among_top(labels, scores, 1)
+    share = {
+        part: float(right.sum()) / loaded.total,
+        f"{part}_top5": float(is_among_top(labels, scores, 5).sum()) / loaded.total,
+        f"{part}_balanced": float(np.mean([right[labels == c].mean() for c in np.unique(labels)])),
+    }
+    return {
+        **{name: round(value, 5) for name, value in share.items()},
+        f"{part}_meshes": loaded.total,
+    }
+
+
+if __name__ == "__main__":
+    main()

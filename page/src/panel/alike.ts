@@ -1,0 +1,45 @@
+// More like this: meshes of the service's library, as pictures.
+
+import type { Alike } from "../api";
+import { make } from "../dom";
+import type { Entry } from "../entries";
+import { picture } from "../shelf";
+import { plain } from "../words";
+
+// Where a mesh is said to be the same shape, whatever its triangles.
+const SAME = 0.9;
+
+export function alike(entry: Entry, search: () => void): HTMLElement {
+  const box = make("section", {}, make("h3", { textContent: "More like this" }));
+  if (entry.similar) {
+    box.append(make("ul", { className: "alike" }, ...entry.similar.map(card)));
+    return box;
+  }
+  const button = make("button", {
+    type: "button",
+    textContent: entry.searching ? "Searching …" : "Search the library",
+    disabled: entry.searching,
+    onclick: search,
+  });
+  box.append(button);
+  return box;
+}
+
+function card(found: Alike): HTMLElement {
+  const same = (found.same_shape ?? 0) >= SAME;
+  const name = found.file.split("/").pop()!;
+  return make(
+    "li",
+    { title: found.file },
+    make(
+      "span",
+      { className: "card" },
+      picture(found.picture && `data:image/png;base64,${found.picture}`),
+      make("span", { className: "card-name", textContent: name }),
+      make("span", {
+        className: "card-verdict",
+        textContent: same ? "same shape" : plain(found.class),
+      }),
+    ),
+  );
+}
