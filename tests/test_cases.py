@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from meshconv3d.model.errors import MeshError
 from meshconv3d.model.loading import load_mesh
 from meshconv3d.model.mesh import Mesh
-from meshconv3d.model.samples import sample_paths
+from tests.articulated import sample_paths
 from meshconv3d.service.classifier import Classifier
 from meshconv3d.service.cli.main import commands
 

@@ -12,7 +12,7 @@ import trimesh
 import meshconv3d
 from docs.reference import reference
 from meshconv3d.model.loading import load_mesh
-from meshconv3d.model.samples import sample_paths
+from tests.articulated import sample_paths
 from tests.commands import environment
 
 ROOT = Path(__file__).parents[1]

@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner
 from importlinter.cli import lint_imports_command
 
-from meshconv3d.model.samples import sample_paths
+from tests.articulated import sample_paths
 from tests.commands import environment
 
 ROOT = Path(__file__).parents[1]

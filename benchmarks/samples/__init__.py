@@ -1,1 +1,1 @@
-"""The generator of the sample meshes in `model/samples`: `python -m benchmarks.samples`."""
+"""The generator of the meshes in `tests/articulated`: `python -m benchmarks.samples`."""

@@ -14,7 +14,6 @@ import igl
 import numpy as np
 import trimesh
 
-import meshconv3d.model.samples
 from benchmarks.samples.shapes import SHAPES
 from benchmarks.samples.solids import surface
 from meshconv3d.model.mesh import Mesh
@@ -33,7 +32,7 @@ class Recipe:
     even: bool = False
 
 
-SAMPLES = Path(meshconv3d.model.samples.__file__).parent
+SAMPLES = Path(__file__).parents[2] / "tests" / "articulated"
 
 RECIPES: dict[str, Recipe] = {
     "ants": Recipe("obj", 500),

@@ -1,8 +1,7 @@
-"""Sample meshes: one articulated thing of each of ten classes of SHREC11.
+"""Sample meshes: ten everyday things, a mechanical part, and a thing of no class.
 
-They are no part of that data set, which may not be passed on: `benchmarks.samples` builds them from
-limbs, balls and boxes. Their formats and face counts differ, so that together they use every reader
-and every kind of preparation.
+All are CC0, from the open data set (SOURCES.md); `benchmarks.open_data.samples` writes them, in
+different formats.
 """
 
 from pathlib import Path
@@ -11,6 +10,6 @@ from meshconv3d.model.loading import FORMATS
 
 
 def sample_paths() -> dict[str, Path]:
-    """The file of each sample by its class, sorted by class."""
+    """The file of each sample by its name, sorted by name."""
     files = Path(__file__).parent.iterdir()
     return {path.stem: path for path in sorted(files) if path.suffix[1:] in FORMATS}

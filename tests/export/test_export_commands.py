@@ -11,7 +11,7 @@ from click.testing import CliRunner, Result
 from meshconv3d.export.metadata import PREFIX
 from meshconv3d.model.config import NetworkConfig
 from meshconv3d.model.nn.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
-from meshconv3d.model.samples import sample_paths
+from tests.articulated import sample_paths
 from meshconv3d.service.cli.main import commands
 from tests.networks import untrained
 

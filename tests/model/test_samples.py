@@ -6,7 +6,7 @@ import pytest
 from benchmarks.samples.__main__ import RECIPES, build, encode
 from meshconv3d.model.loading import load_mesh
 from meshconv3d.model.preparation import prepare, surface_area
-from meshconv3d.model.samples import sample_paths
+from tests.articulated import sample_paths
 
 EACH = pytest.mark.parametrize("name", sample_paths())
 

@@ -15,7 +15,7 @@ from starlette.requests import Request
 
 from meshconv3d.model.errors import UnusableMesh
 from meshconv3d.model.loading import Limits
-from meshconv3d.model.samples import sample_paths
+from tests.articulated import sample_paths
 from meshconv3d.service.http.admission import Admission
 from meshconv3d.service.http.app import create_app
 from meshconv3d.service.settings import Settings

@@ -8,7 +8,7 @@ import httpx
 import pytest
 
 from meshconv3d.model.loading import FORMATS
-from meshconv3d.model.samples import sample_paths
+from tests.articulated import sample_paths
 from tests.commands import meshconv3d
 
 

@@ -12,7 +12,7 @@ import pytest
 import tritonclient.http as triton
 from tritonclient.utils import InferenceServerException
 
-from meshconv3d.model.samples import sample_paths
+from tests.articulated import sample_paths
 from tests.service.conftest import Service
 
 MODEL = "tiny"

@@ -9,7 +9,7 @@ import httpx
 import pytest
 
 from meshconv3d.model.loading import Limits
-from meshconv3d.model.samples import sample_paths
+from tests.articulated import sample_paths
 from meshconv3d.service.http.admission import Admission
 from meshconv3d.service.http.telemetry import Metrics
 from meshconv3d.service.workers import WorkerPool

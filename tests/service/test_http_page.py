@@ -8,7 +8,7 @@ import httpx
 import pytest
 
 from meshconv3d.model.loading import Limits, load_mesh
-from meshconv3d.model.samples import sample_paths
+from tests.articulated import sample_paths
 from tests.service.conftest import LIMIT
 
 BUILT = Path(__file__).parents[2] / "service" / "page"

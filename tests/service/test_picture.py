@@ -10,7 +10,7 @@ from PIL import Image
 from meshconv3d.model.loading import load_mesh
 from meshconv3d.model.mesh import Mesh
 from meshconv3d.model.preparation import prepare
-from meshconv3d.model.samples import sample_paths
+from tests.articulated import sample_paths
 from meshconv3d.service.picture import SIZE, picture
 from tests.meshes import icosphere, sheet, torus
 

@@ -4,7 +4,7 @@ import os
 import subprocess
 from pathlib import Path
 
-from meshconv3d.model.samples import sample_paths
+from tests.articulated import sample_paths
 from tests.commands import PROGRAM, environment
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from meshconv3d.model.errors import UnusableMesh
-from meshconv3d.model.samples import sample_paths
+from tests.articulated import sample_paths
 from meshconv3d.service.classifier import Classifier
 from meshconv3d.service.prediction import Failure, Prediction
 from meshconv3d.service.records import answer, readable, record, to_json

@@ -6,7 +6,7 @@ import pytest
 
 from benchmarks.shapes import make_shapes
 from meshconv3d.model.datasets import find_samples
-from meshconv3d.model.samples import sample_paths
+from tests.articulated import sample_paths
 from meshconv3d.service.classifier import Classifier
 from meshconv3d.service.models import DEFAULT_MODEL, shipped_models
 from meshconv3d.service.prediction import Prediction

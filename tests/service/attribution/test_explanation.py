@@ -11,7 +11,7 @@ from meshconv3d.model.loading import load_mesh
 from meshconv3d.model.mesh import Mesh
 from meshconv3d.model.nn.checkpoint import load_checkpoint
 from meshconv3d.model.preparation import face_areas
-from meshconv3d.model.samples import sample_paths
+from tests.articulated import sample_paths
 from meshconv3d.service.attribution import (
     FORMS,
     Explanation,

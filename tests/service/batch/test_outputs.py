@@ -12,7 +12,7 @@ import pyarrow.parquet
 import pytest
 
 from meshconv3d.model.loading import Limits
-from meshconv3d.model.samples import sample_paths
+from tests.articulated import sample_paths
 from meshconv3d.service.attribution import explain
 from meshconv3d.service.batch.outputs import CSV_COLUMNS, FORMS, Output
 from meshconv3d.service.batch.resume import LONGEST_LINE, NotWritten, entry

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from meshconv3d.model.samples import sample_paths
+from tests.articulated import sample_paths
 from tests.commands import PROGRAM, environment, meshconv3d, program
 
 

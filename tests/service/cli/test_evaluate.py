@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from meshconv3d.model.samples import sample_paths
+from tests.articulated import sample_paths
 from tests.commands import WIDTH, at_a_terminal, environment, meshconv3d, program
 
 LABELS = {"two_balls": "ball", "ants": "ball", "laptop": "box", "lamp": "box", "snake": "ring"}

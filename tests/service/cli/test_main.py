@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from meshconv3d.model.samples import sample_paths
+from tests.articulated import sample_paths
 from meshconv3d.service.cli import main
 from tests.commands import sent_to_terminal
 

@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser, Locator, Page, Playwright, expect, sync_playwright
 
+from tests.articulated import sample_paths
+from tests.commands import meshconv3d
 from tests.meshes import torus
 from tests.service.conftest import LIMIT, Service, services
 
@@ -46,11 +48,15 @@ def browser(chromium: tuple[Playwright, str]) -> Iterator[Browser]:
 def site(
     model_file: Path, learned_file: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> Iterator[Service]:
-    """A service with three models; shrec11 is the default."""
+    """A service with three models, of which shrec11 is the default, and the samples as library."""
+    library = tmp_path_factory.mktemp("library") / "samples.parquet"
+    made = meshconv3d("embed", *sample_paths().values(), "-o", library, "--model", "shrec11")
+    assert made.returncode == 0, made.stderr
     models = ("shrec11", str(model_file), str(learned_file))
     options = [word for model in models for word in ("--model", model)]
     with services(model_file, tmp_path_factory) as start:
-        yield start(*options, "--workers", "1", "--max-upload-bytes", str(40 * LIMIT), alone=True)
+        options += ["--workers", "1", "--max-upload-bytes", str(40 * LIMIT)]
+        yield start(*options, "--library", str(library), alone=True)
 
 
 @dataclass

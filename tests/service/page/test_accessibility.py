@@ -6,7 +6,7 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import expect
 
-from meshconv3d.model.samples import sample_paths
+from tests.articulated import sample_paths
 from tests.processes import until
 from tests.service.page.conftest import Visitor
 from tests.service.page.pixels import changed, pixels

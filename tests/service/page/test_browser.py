@@ -10,7 +10,7 @@ import pytest
 from playwright.sync_api import Playwright, expect
 
 from meshconv3d.model.loading import load_mesh
-from meshconv3d.model.samples import sample_paths
+from tests.articulated import sample_paths
 from tests.model.loading.loading_builders import archive
 from tests.processes import until
 from tests.service.page.conftest import SOFTWARE, Visitor
@@ -157,6 +157,17 @@ def test_all_classes_can_be_seen(visitor: Visitor) -> None:
     expect(visitor.at(".bars li")).to_have_count(5)
     visitor.at(".more").click()
     expect(visitor.at(".bars li")).to_have_count(30)
+
+
+def test_meshes_of_the_library_that_are_like_it(visitor: Visitor) -> None:
+    visitor.give(SAMPLES["hand"])
+    visitor.classified()
+    visitor.at("#result").get_by_role("button", name="Search the library").click()
+    found = visitor.at(".alike li")
+    expect(found).to_have_count(len(SAMPLES))
+    expect(found.first).to_contain_text("hand.stl")
+    expect(found.first).to_contain_text("same shape")
+    expect(visitor.at(".alike img")).to_have_count(len(SAMPLES))
 
 
 def test_samples_are_a_click_away(visitor: Visitor) -> None:

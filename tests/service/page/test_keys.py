@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 import pytest
 from playwright.sync_api import Browser, expect
 
-from meshconv3d.model.samples import sample_paths
+from tests.articulated import sample_paths
 from tests.service.conftest import Service
 from tests.service.page.conftest import Visitor
 from tests.service.page.test_accessibility import faults
