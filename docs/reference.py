@@ -19,17 +19,16 @@ import trimesh
 
 import meshconv3d
 
-shrec11 = meshconv3d.load("shrec11")
-result = shrec11.classify("model/samples/hand.stl")
-print(result.label, round(result.probability, 2), result.unknown)  # hand 1.0 False
-print(result.top(2)[1].name)  # pliers
+objects = meshconv3d.load("objects")
+result = objects.classify("model/samples/car.glb")
+print(result.label, result.unknown)  # car False
 
-mesh = trimesh.load_mesh("model/samples/hand.stl")
-print(shrec11.classify(mesh).label)  # hand
-print(shrec11.classify((np.array(mesh.vertices), np.array(mesh.faces))).label)  # hand
+mesh = trimesh.load_mesh("model/samples/airplane.stl")
+print(objects.classify(mesh).label)  # airplane
+print(objects.classify((np.array(mesh.vertices), np.array(mesh.faces))).label)  # airplane
 
-found, failed = shrec11.classify_many(["model/samples/snake.3mf", "nothing.stl"])
-print(found.label, isinstance(failed, meshconv3d.MeshError), failed.fault)  # snake True unreadable
+found, failed = objects.classify_many(["model/samples/house.3mf", "nothing.stl"])
+print(found.label, isinstance(failed, meshconv3d.MeshError), failed.fault)  # house True unreadable
 ```
 
 `meshconv3d` is the one name that is installed. It is typed (`py.typed`). Modules below it, such as

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from meshconv3d.model.errors import MeshError
 from meshconv3d.model.loading import load_mesh
 from meshconv3d.model.mesh import Mesh
-from tests.articulated import sample_paths
 from meshconv3d.service.classifier import Classifier
 from meshconv3d.service.cli.main import commands
+from tests.articulated import sample_paths
 
 CASES = Path(__file__).parents[2] / "shared" / "cases"
 

@@ -56,7 +56,7 @@ export interface Model {
 }
 
 export interface Sample {
-  class: string;
+  name: string;
   file: string;
   bytes: number;
 }

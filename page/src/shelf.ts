@@ -31,7 +31,7 @@ export function sampleCard(sample: Sample, open: () => void): { card: HTMLElemen
     "button",
     { type: "button", className: "card", onclick: open },
     image,
-    make("span", { className: "card-name", textContent: plain(sample.class) }),
+    make("span", { className: "card-name", textContent: plain(sample.name) }),
     make("span", { className: "card-verdict", textContent: sample.file.split(".").pop()! }),
   );
   return { card: make("li", {}, button), image };

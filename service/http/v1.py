@@ -141,10 +141,10 @@ def add_v1_routes(app: FastAPI, dispatcher: Dispatcher) -> None:
 
     @app.get("/v1/samples", responses=problem_responses(401))
     async def list_samples() -> dict:
-        """The sample meshes in the package, one of each class that they show."""
+        """The sample meshes in the package."""
         return {
             "samples": [
-                {"class": name, "file": path.name, "bytes": path.stat().st_size}
+                {"name": name, "file": path.name, "bytes": path.stat().st_size}
                 for name, path in sample_paths().items()
             ]
         }

@@ -9,10 +9,11 @@ import pytest
 from click.testing import CliRunner, Result
 
 from meshconv3d.export.metadata import PREFIX
+from meshconv3d.model import samples
 from meshconv3d.model.config import NetworkConfig
 from meshconv3d.model.nn.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
-from tests.articulated import sample_paths
 from meshconv3d.service.cli.main import commands
+from tests.articulated import sample_paths
 from tests.networks import untrained
 
 
@@ -39,10 +40,10 @@ def test_export_names_the_model_and_tells_its_parity(checkpoint_file: Path, tmp_
     assert str(path) in result.stdout
     card = json.loads(run("inspect", path, "--json").stdout)
     assert card["name"] == "things"
-    assert card["parity"]["meshes"] == len(sample_paths()) + 1
+    assert card["parity"]["meshes"] == len(samples.sample_paths()) + 1
     assert card["accuracy"] == {"test": 0.25}
     assert card["training"] == {"data": {"name": "none"}}
-    assert card["probe"]["sample"] in sample_paths()
+    assert card["probe"]["sample"] in samples.sample_paths()
     assert [file.name for file in tmp_path.iterdir()] == ["file.onnx"]
 
 

@@ -10,7 +10,7 @@ from meshconv3d.export.runtime import open_session
 from meshconv3d.export.teaching import EXAMPLES, Examples, Teacher, confusions, doubted
 from meshconv3d.model.loading import load_mesh
 from meshconv3d.model.preparation import prepare
-from tests.articulated import sample_paths
+from meshconv3d.model.samples import sample_paths
 from meshconv3d.model.topology.inputs import collate, mesh_inputs
 
 CLASSES = ("bolt", "nut", "ring", "washer")

@@ -10,9 +10,9 @@ import pytest
 from meshconv3d.export.metadata import Probe
 from meshconv3d.model.errors import MeshError
 from meshconv3d.model.loading import load_mesh
-from tests.articulated import sample_paths
 from meshconv3d.service.classifier import Classifier, SelfTestError
 from meshconv3d.service.models import Model
+from tests.articulated import sample_paths
 
 
 @pytest.fixture(scope="module")

@@ -15,11 +15,11 @@ from starlette.requests import Request
 
 from meshconv3d.model.errors import UnusableMesh
 from meshconv3d.model.loading import Limits
-from tests.articulated import sample_paths
 from meshconv3d.service.http.admission import Admission
 from meshconv3d.service.http.app import create_app
 from meshconv3d.service.settings import Settings
 from meshconv3d.service.workers import Job, Setup, Task, WorkerPool
+from tests.articulated import sample_paths
 from tests.processes import held, until, workers
 from tests.results import model_info, prediction
 from tests.service.conftest import Service

@@ -9,11 +9,11 @@ import httpx
 import pytest
 
 from meshconv3d.model.loading import Limits
-from tests.articulated import sample_paths
 from meshconv3d.service.http.admission import Admission
 from meshconv3d.service.http.telemetry import Metrics
 from meshconv3d.service.workers import WorkerPool
 from meshconv3d.service.workers.tasks import Setup
+from tests.articulated import sample_paths
 from tests.processes import until, workers
 from tests.service.conftest import Service
 from tests.service.metrics import metrics, value

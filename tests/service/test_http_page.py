@@ -8,7 +8,7 @@ import httpx
 import pytest
 
 from meshconv3d.model.loading import Limits, load_mesh
-from tests.articulated import sample_paths
+from meshconv3d.model.samples import sample_paths
 from tests.service.conftest import LIMIT
 
 BUILT = Path(__file__).parents[2] / "service" / "page"
@@ -66,7 +66,7 @@ def test_no_other_files(client: httpx.Client, path: str) -> None:
 
 def test_samples(client: httpx.Client) -> None:
     listed = client.get("/v1/samples").json()["samples"]
-    assert [sample["class"] for sample in listed] == list(sample_paths())
+    assert [sample["name"] for sample in listed] == list(sample_paths())
     for sample in listed:
         response = client.get(f"/v1/samples/{sample['file']}")
         assert len(response.content) == sample["bytes"]

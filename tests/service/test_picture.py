@@ -10,8 +10,8 @@ from PIL import Image
 from meshconv3d.model.loading import load_mesh
 from meshconv3d.model.mesh import Mesh
 from meshconv3d.model.preparation import prepare
-from tests.articulated import sample_paths
 from meshconv3d.service.picture import SIZE, picture
+from tests.articulated import sample_paths
 from tests.meshes import icosphere, sheet, torus
 
 

@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 
 from meshconv3d.model.errors import UnusableMesh
-from tests.articulated import sample_paths
 from meshconv3d.service.classifier import Classifier
 from meshconv3d.service.prediction import Failure, Prediction
 from meshconv3d.service.records import answer, readable, record, to_json
+from tests.articulated import sample_paths
 
 
 @pytest.fixture(scope="module")

@@ -6,20 +6,20 @@ import pytest
 
 from benchmarks.shapes import make_shapes
 from meshconv3d.model.datasets import find_samples
-from tests.articulated import sample_paths
 from meshconv3d.service.classifier import Classifier
 from meshconv3d.service.models import DEFAULT_MODEL, shipped_models
 from meshconv3d.service.prediction import Prediction
+from tests.articulated import sample_paths
 
 
 @pytest.fixture(scope="module")
 def classifier() -> Classifier:
-    return Classifier.load(DEFAULT_MODEL)
+    return Classifier.load("shrec11")
 
 
 def test_every_shipped_model_passes_its_self_test_and_all_are_small():
     models = shipped_models()
-    assert list(models) == [DEFAULT_MODEL, "objects"]
+    assert list(models) == [DEFAULT_MODEL, "parts", "shrec11"]
     assert sum(path.stat().st_size for path in models.values()) < 10_000_000
     for name in models:
         Classifier.load(name).self_test()
@@ -40,7 +40,7 @@ def test_no_shape_without_a_class_is_known(classifier: Classifier):
     assert sum(map(bool, unknown)) >= 0.95 * len(shapes)
 
 
-def test_the_samples_are_classified_right(classifier: Classifier):
+def test_the_articulated_meshes_are_classified_right(classifier: Classifier):
     results = {label: classifier.classify(path) for label, path in sample_paths().items()}
     assert {label: result.label for label, result in results.items()} == {
         name: name for name in results

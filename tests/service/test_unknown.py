@@ -11,8 +11,8 @@ import pytest
 
 from meshconv3d.model.calibration import Calibration, softmax
 from meshconv3d.model.nn.checkpoint import load_checkpoint, save_checkpoint
-from tests.articulated import sample_paths
 from meshconv3d.service.classifier import Classifier
+from tests.articulated import sample_paths
 from tests.commands import at_a_terminal, meshconv3d
 
 SAMPLE = sample_paths()["ants"]

@@ -11,7 +11,6 @@ from meshconv3d.model.loading import load_mesh
 from meshconv3d.model.mesh import Mesh
 from meshconv3d.model.nn.checkpoint import load_checkpoint
 from meshconv3d.model.preparation import face_areas
-from tests.articulated import sample_paths
 from meshconv3d.service.attribution import (
     FORMS,
     Explanation,
@@ -21,6 +20,7 @@ from meshconv3d.service.attribution import (
 )
 from meshconv3d.service.attribution.colours import legend_colours, linear_colours, srgb_colours
 from meshconv3d.service.classifier import Classifier
+from tests.articulated import sample_paths
 from tests.meshes import torus
 from tests.service.conftest import obj
 

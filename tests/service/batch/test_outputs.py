@@ -12,13 +12,13 @@ import pyarrow.parquet
 import pytest
 
 from meshconv3d.model.loading import Limits
-from tests.articulated import sample_paths
 from meshconv3d.service.attribution import explain
 from meshconv3d.service.batch.outputs import CSV_COLUMNS, FORMS, Output
 from meshconv3d.service.batch.resume import LONGEST_LINE, NotWritten, entry
 from meshconv3d.service.batch.running import run_id
 from meshconv3d.service.classifier import Classifier
 from meshconv3d.service.records import answer as record_of
+from tests.articulated import sample_paths
 from tests.service.batch.records import Added, added, answer, refusal
 
 RUN = run_id("1" * 64, None, Limits())

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.articulated import sample_paths
 from meshconv3d.service.cli import main
+from tests.articulated import sample_paths
 from tests.commands import sent_to_terminal
 
 

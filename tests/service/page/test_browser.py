@@ -9,6 +9,7 @@ import httpx
 import pytest
 from playwright.sync_api import Playwright, expect
 
+from meshconv3d.model import samples
 from meshconv3d.model.loading import load_mesh
 from tests.articulated import sample_paths
 from tests.model.loading.loading_builders import archive
@@ -17,6 +18,7 @@ from tests.service.page.conftest import SOFTWARE, Visitor
 from tests.service.page.pixels import blue, changed, orange, pixels
 
 SAMPLES = sample_paths()
+SHOWN = samples.sample_paths()  # on the page
 POINTS = {"name": "points.obj", "mimeType": "", "buffer": b"v 0 0 0\nv 1 0 0\n"}
 # Collects in `verdicts` all that the page says from now on of what it is doing.
 NOTE_VERDICTS = """
@@ -171,7 +173,7 @@ def test_meshes_of_the_library_that_are_like_it(visitor: Visitor) -> None:
 
 
 def test_samples_are_a_click_away(visitor: Visitor) -> None:
-    expect(visitor.at("#sample-list img")).to_have_count(len(SAMPLES))
+    expect(visitor.at("#sample-list img")).to_have_count(len(SHOWN))
     visitor.at("#sample-list .card").filter(has_text="two balls").click()
     visitor.drawn()
     expect(visitor.at(".verdict")).to_have_text("two balls")
