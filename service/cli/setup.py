@@ -22,7 +22,7 @@ LEAST_MEMORY = 768 * 2**20
 
 model_option: Callable[..., Any] = click.option(
     "--model",
-    help="Shipped model by name, or a model file. [default: MESHCONV3D_MODELS, or shrec11]",
+    help="Shipped model by name, or a model file. [default: MESHCONV3D_MODELS, or objects]",
 )
 top_option: Callable[..., Any] = click.option(
     "--top", type=click.IntRange(1), help="Only the N likeliest classes of each."

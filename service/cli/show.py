@@ -34,7 +34,7 @@ def formats(as_json: bool) -> None:
 def inspect(model: str | None, as_json: bool) -> None:
     """Show the card of MODEL, a shipped model's name or a model file.
 
-    [default: the first of MESHCONV3D_MODELS, or shrec11]
+    [default: the first of MESHCONV3D_MODELS, or objects]
     """
     from meshconv3d.service.cli.setup import load_classifier
     from meshconv3d.service.cli.terminal import printable

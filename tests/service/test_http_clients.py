@@ -30,7 +30,7 @@ def test_no_redirect_is_built_from_the_callers_host(client: httpx.Client) -> Non
 
 
 @pytest.mark.parametrize(
-    "path", ["/", "/livez", "/readyz", "/metrics", "/v1/formats", "/v1/samples/lamp.obj", "/v2"]
+    "path", ["/", "/livez", "/readyz", "/metrics", "/v1/formats", "/v1/samples/boat.obj", "/v2"]
 )
 def test_head_is_answered_as_get_is(client: httpx.Client, path: str) -> None:
     told, whole = client.head(path), client.get(path)

@@ -55,11 +55,11 @@ def test_the_flag_wins_over_the_variable(model_file: Path, meshes: Path) -> None
     """And without either, the shipped model answers."""
     mesh = meshes / "ring.obj"
     done = meshconv3d(
-        "classify", mesh, "--model", "shrec11", variables={"MESHCONV3D_MODELS": str(model_file)}
+        "classify", mesh, "--model", "objects", variables={"MESHCONV3D_MODELS": str(model_file)}
     )
     default = meshconv3d("classify", mesh)
     assert lines(done.stdout)[0]["model"] == lines(default.stdout)[0]["model"]
-    assert lines(default.stdout)[0]["model"]["name"] == "shrec11"
+    assert lines(default.stdout)[0]["model"]["name"] == "objects"
 
 
 def test_a_named_file_may_be_declared_but_not_one_of_a_folder(
