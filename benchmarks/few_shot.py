@@ -22,7 +22,7 @@ from meshconv3d.service.models import ModelFile
 
 SHOTS = (1, 3, 5, 10)
 WAYS = 20
-TASKS = 200
+TASKS = 100
 LEAST_TESTED = 2  # meshes of each class that are no example
 
 

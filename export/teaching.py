@@ -253,15 +253,16 @@ def _means(points: NDArray[np.float64], examples: Examples) -> NDArray[np.float6
 
 
 def _whitening(offset: NDArray[np.float64], examples: Examples) -> NDArray[np.float64]:
-    """The symmetric matrix, C x C, that gives the examples' offsets from their classes unit
-    covariance. It is shrunk towards a multiple of the base's, in whose coordinates they are: by
-    half where there are as many examples as channels."""
+    """A matrix, C x C, that gives the examples' offsets from their classes unit covariance.
+
+    That is shrunk towards a multiple of the base's, in whose coordinates they are: by half where
+    there are as many examples as channels.
+    """
     channels = offset.shape[1]
     freedom = len(offset) - len(examples.classes)
     spread = np.sum(offset**2) / (freedom * channels) if freedom else 1.0
     covariance = (np.eye(channels) * channels * spread + offset.T @ offset) / (channels + freedom)
-    values, vectors = np.linalg.eigh(covariance)
-    return vectors / np.sqrt(values) @ vectors.T
+    return np.linalg.inv(np.linalg.cholesky(covariance)).T
 
 
 def _head(
