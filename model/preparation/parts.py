@@ -62,8 +62,8 @@ def scrap_area(surface: CleanSurface) -> float:
 
 def part_areas(surface: CleanSurface) -> NDArray[np.float64]:
     """Area of each part."""
-    areas: NDArray[np.float64] = face_areas(surface.vertices, surface.faces)
-    return np.bincount(surface.component, areas)
+    areas = face_areas(surface.vertices, surface.faces)
+    return np.bincount(surface.component, areas).astype(np.float64, copy=False)
 
 
 def keep_parts(surface: CleanSurface, kept_parts: NDArray[np.bool_]) -> CleanSurface:
