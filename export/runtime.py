@@ -87,6 +87,7 @@ def session_options(content: bytes) -> onnxruntime.SessionOptions:
     options.log_severity_level = 4  # errors reach the caller as exceptions, nothing goes to stderr
     # The arena would keep what the largest mesh took; without it, a mesh takes as long.
     options.enable_cpu_mem_arena = False
+    options.enable_mem_pattern = False  # which would take all of it at once, anew for each mesh
     # What a file needs can only be asked once it is open, which takes what it needs.
     if DOMAIN.encode() in content:
         options.register_custom_ops_library(operator_library())
