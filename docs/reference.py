@@ -23,9 +23,9 @@ objects = meshconv3d.load("objects")
 result = objects.classify("model/samples/car.glb")
 print(result.label, result.unknown)  # car False
 
-mesh = trimesh.load_mesh("model/samples/airplane.stl")
-print(objects.classify(mesh).label)  # airplane
-print(objects.classify((np.array(mesh.vertices), np.array(mesh.faces))).label)  # airplane
+mesh = trimesh.load_mesh("model/samples/train.stl")
+print(objects.classify(mesh).label)  # train
+print(objects.classify((np.array(mesh.vertices), np.array(mesh.faces))).label)  # train
 
 found, failed = objects.classify_many(["model/samples/house.3mf", "nothing.stl"])
 print(found.label, isinstance(failed, meshconv3d.MeshError), failed.fault)  # house True unreadable

@@ -209,7 +209,7 @@ def test_who_takes_no_answer_is_not_waited_for(few: Service) -> None:
     with socket.socket() as opened:
         opened.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
         opened.connect(address(few))
-        opened.sendall(b"GET /v1/samples/airplane.stl HTTP/1.1\r\nHost: localhost\r\n\r\n")
+        opened.sendall(b"GET /v1/samples/train.stl HTTP/1.1\r\nHost: localhost\r\n\r\n")
         until(lambda: open_files(few) > before)
         until(lambda: open_files(few) <= before)
     assert "Traceback" not in few.log.read_text()
