@@ -18,7 +18,7 @@ from itertools import cycle, islice
 from pathlib import Path
 
 from benchmarks.processes import computed_by, family_of, memory_of
-from meshconv3d.model.samples import sample_paths
+from tests.articulated import sample_paths
 
 CORES = len(os.sched_getaffinity(0))
 FOLDER_FILES = 1000

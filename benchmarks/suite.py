@@ -43,6 +43,8 @@ BY_THEMSELVES = (
     "baselines",
     "preparation",
     "costs",
+    "few_shot",
+    "alike",
 )
 PACKAGES = ("numpy", "numba", "onnxruntime", "torch", "libigl", "trimesh")
 

@@ -7,7 +7,7 @@ import trimesh
 
 from meshconv3d.model.loading import load_mesh
 from meshconv3d.model.mesh import Mesh
-from meshconv3d.model.samples import sample_paths
+from tests.articulated import sample_paths
 
 SAMPLE = "ants"  # a sample of exactly 500 faces
 

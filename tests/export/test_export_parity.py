@@ -62,7 +62,7 @@ ALLOWED = {
     "Gather",
     *("Add", "Sub", "Mul", "Div", "Abs", "Clip", "Max", "Reciprocal"),
     *("Relu", "ReduceSum", "MatMul", "Gemm", "Transpose"),
-    *("Pow", "ReduceMin"),
+    *("Pow", "ReduceMin", "ReduceL2"),
     *("Cast", "Concat", "Constant", "ConstantOfShape", "Expand", "Greater", "Equal"),
     *("Identity", "Reshape", "Shape", "Slice", "Split", "Squeeze", "Unsqueeze"),
 }
