@@ -10,6 +10,8 @@ import pytest
 from pyarrow import parquet
 
 from meshconv3d.model.mesh import Mesh
+from meshconv3d.service.library import Library
+from meshconv3d.service.models import open_model
 from tests.commands import meshconv3d
 from tests.meshes import cube, icosphere, sheet, together, write_off
 from tests.service.conftest import Start
@@ -84,9 +86,16 @@ def test_duplicates_are_grouped_and_told_apart(
     assert group["steps"] == "first"
     assert group["steps_renumbered"] == "same shape"
     assert group["steps_large"] == "2 times as large"
-    assert group["steps_mirrored"] == "mirrored"
     assert not {"ball", "cube", "sheet"} & set(group)
     assert "data:image/png" in page.read_text()
+
+
+def test_a_mirror_image_is_told_apart(library: Path, model_file: Path) -> None:
+    found = Library.read(library, [open_model(str(model_file)).card])
+    rows = {Path(file).stem: row for row, file in enumerate(found.column("file"))}
+    assert found.relation(rows["steps"], rows["steps_mirrored"]) == "mirrored"
+    assert found.relation(rows["steps"], rows["steps_renumbered"]) == "same shape"
+    assert found.relation(rows["steps"], rows["steps"]) == "same file"
 
 
 def test_a_library_of_another_model_is_refused(
