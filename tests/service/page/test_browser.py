@@ -174,9 +174,10 @@ def test_meshes_of_the_library_that_are_like_it(visitor: Visitor) -> None:
 
 def test_samples_are_a_click_away(visitor: Visitor) -> None:
     expect(visitor.at("#sample-list img")).to_have_count(len(SHOWN))
-    visitor.at("#sample-list .card").filter(has_text="two balls").click()
+    visitor.at("#sample-list .card").filter(has_text="mushroom").click()
+    visitor.classified()
     visitor.drawn()
-    expect(visitor.at(".verdict")).to_have_text("two balls")
+    expect(visitor.at(".file-name")).to_have_text("mushroom.glb")
 
 
 def test_what_can_be_taken_along(visitor: Visitor, tmp_path: Path) -> None:
