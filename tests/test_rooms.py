@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner
 from importlinter.cli import lint_imports_command
 
-from tests.articulated import sample_paths
+from meshconv3d.model.samples import sample_paths
 from tests.commands import environment
 
 ROOT = Path(__file__).parents[1]
@@ -22,7 +22,7 @@ WITHOUT_EXTRAS = """
 import sys
 from importlib.machinery import PathFinder
 
-EXTRAS = {"torch", "onnx", "onnxscript", "safetensors", "matplotlib"}
+EXTRAS = {"torch", "onnxscript", "safetensors", "matplotlib"}
 EXTRAS |= {"manifold3d", "PIL", "jinja2", "shapely", "skimage", "fsspec", "pyarrow", "ray"}
 
 class WithoutExtras(PathFinder):
@@ -92,7 +92,7 @@ except SystemExit as end:
     assert packages.isdisjoint(heavy)
 
 
-@pytest.mark.parametrize("name", ["ants", "snake", "two_balls"])
+@pytest.mark.parametrize("name", ["boat", "car", "house"])
 def test_classifying_needs_no_extra(name: str) -> None:
     done = python(WITHOUT_EXTRAS, "classify", sample_paths()[name])
     assert (done.returncode, done.stderr) == (0, "")
@@ -117,7 +117,7 @@ def test_a_missing_extra_is_named_in_one_line(
 ) -> None:
     file = tmp_path / "file"
     file.touch()
-    places = {"folder": tmp_path, "file": file, "mesh": sample_paths()["ants"]}
+    places = {"folder": tmp_path, "file": file, "mesh": sample_paths()["boat"]}
     given = [argument.format(**places) for argument in arguments]
     done = python(WITHOUT_EXTRAS, *given)
     assert done.returncode == 2
