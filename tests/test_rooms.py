@@ -7,8 +7,6 @@ import sys
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
-from importlinter.cli import lint_imports_command
 
 from meshconv3d.model.samples import sample_paths
 from tests.commands import environment
@@ -53,11 +51,11 @@ def loaded_by(program: str) -> set[str]:
     return set(done.stdout.splitlines()[-1].split("|"))
 
 
-def test_the_rooms_keep_to_their_imports(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(ROOT)
-    result = CliRunner().invoke(lint_imports_command, ["--no-cache"])
-    assert result.exit_code == 0, result.output
-    assert re.search(r"[1-9]\d* kept, 0 broken", result.output), result.output
+def test_the_rooms_keep_to_their_imports() -> None:
+    # In a process of its own: it would silence this one's loggers.
+    done = python("from importlinter.cli import lint_imports_command as c; c(['--no-cache'])")
+    assert done.returncode == 0, done.stdout
+    assert re.search(r"[1-9]\d* kept, 0 broken", done.stdout), done.stdout
 
 
 def test_model_loads_neither_torch_nor_onnx() -> None:
