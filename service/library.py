@@ -12,7 +12,6 @@ from typing import NamedTuple, Self
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute
 from numpy.typing import NDArray
 from pyarrow.parquet import ParquetFile
 
@@ -61,7 +60,7 @@ class Library:
             table = file.read([*COLUMNS, "embedding"])
             # Numbered before refused files go, to find their pictures again.
             table = table.append_column("row", pa.array(range(len(table))))
-            table = table.filter(pa.compute.is_valid(table["embedding"]))
+            table = table.filter(table["embedding"].is_valid())
         except (pa.ArrowInvalid, KeyError, ValueError) as error:
             raise LibraryError(
                 f"{path} is no library ({error}); make one with: meshconv3d embed PATH... -o {path}"

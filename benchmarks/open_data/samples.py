@@ -8,6 +8,7 @@ import argparse
 import tarfile
 from io import BytesIO
 from pathlib import Path
+from typing import Any
 
 import trimesh
 
@@ -59,7 +60,7 @@ def written(mesh: Mesh, name: str) -> bytes:
     form = Path(name).suffix[1:]
     if form == "gltf":
         scene = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).scene()
-        files = scene.export(file_type="gltf", embed_buffers=True)
+        files: Any = scene.export(file_type="gltf", embed_buffers=True)
         return files["model.gltf"]
     if form == "amf":
         return amf(mesh)

@@ -305,7 +305,7 @@ def split_vertices(
     places = np.empty((count, 3))
     for v in range(count):
         write(places, v, row(vertices, origin[v]))
-    return places, split, copies
+    return places, split, copies  # type: ignore
 
 
 @kernel

@@ -68,7 +68,7 @@ def previous_side(h: int) -> int:
 @kernel
 def turn_left(mesh: HalfEdges, h: int) -> int:
     """The next half-edge to the left that leaves the same vertex, -1 behind a border."""
-    return mesh.twin[previous_side(h)]
+    return mesh.twin[previous_side(h)]  # type: ignore
 
 
 @kernel

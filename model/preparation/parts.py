@@ -44,7 +44,7 @@ def fitting_parts(
     for part in np.argsort(-areas / sizes, kind="stable"):
         if sizes[part] <= budget:
             kept[part] = True
-            budget -= sizes[part]
+            budget -= sizes[part]  # type: ignore
         if budget < least:
             break
     largest = np.argmax(areas)

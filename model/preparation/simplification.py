@@ -180,7 +180,7 @@ def _push_edges_around(mesh: HalfEdges, queue: Queue, u: int, bucket: int) -> No
 
 @kernel
 def _bucket(cost: float, shift: int) -> int:
-    return np.float32(cost).view(np.int32) >> shift
+    return np.float32(cost).view(np.int32) >> shift  # type: ignore
 
 
 @kernel

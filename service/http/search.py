@@ -98,7 +98,7 @@ def _matches(library: "Library", prediction: Prediction, top: int) -> list[Alike
             class_=library.column("class")[match.row],
             distance=round(match.distance, 5),
             same_shape=match.probability and round(match.probability, 5),
-            picture=picture and base64.b64encode(picture).decode(),
+            picture=base64.b64encode(picture).decode() if picture else None,
         )
         for match, picture in zip(matches, pictures, strict=True)
     ]

@@ -1,6 +1,7 @@
 """A taught head is a linear discriminant analysis; its file is an ordinary model file."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -89,7 +90,7 @@ def test_a_taught_file_gives_the_scores_of_its_head_and_the_embedding_of_its_bas
     head, left_out = own.fit(examples)
     taught = own.teach("mine", examples, (name, inputs), by="Anna")
     session = open_session(taught.content)
-    outputs = dict(
+    outputs: dict[str, Any] = dict(
         zip(
             (output.name for output in session.get_outputs()),
             session.run(None, collate([inputs])),
@@ -102,7 +103,9 @@ def test_a_taught_file_gives_the_scores_of_its_head_and_the_embedding_of_its_bas
         expected, rel=1e-3, abs=1e-3
     )
     base = open_session(model_file.read_bytes())
-    assert np.array_equal(outputs["embedding"], base.run(["embedding"], collate([inputs]))[0])
+    assert np.array_equal(
+        outputs["embedding"], np.asarray(base.run(["embedding"], collate([inputs]))[0])
+    )
     card = taught.card
     assert card.config.classes == CLASSES
     assert card.space == teacher.card.space

@@ -62,7 +62,7 @@ def _polygons(geometry: collada.geometry.Geometry) -> tuple:
         if not isinstance(primitive, Polylist | TriangleSet) or not len(primitive):
             continue  # lines
         is_list = isinstance(primitive, Polylist)
-        counts.append(primitive.vcounts if is_list else np.full(len(primitive), 3))
+        counts.append(primitive.vcounts if is_list else np.full(len(primitive), 3))  # type: ignore
         corners.append(primitive.vertex_index.reshape(-1) + sum(map(len, vertices)))
         vertices.append(primitive.vertex)
     return np.concatenate(vertices), np.concatenate(corners), np.concatenate(counts)

@@ -23,7 +23,7 @@ def read(path: Path) -> tuple:
         index_error_handling=ufbx.IndexErrorHandling.ABORT_LOADING,
     )
     hidden = _hidden(scene)
-    nodes = [node for node in _items(scene.nodes) if node.mesh and node.element_id not in hidden]
+    nodes = [node for node in _items(scene.nodes) if node.mesh and node.element_id not in hidden]  # type: ignore
     if not nodes and scene.nurbs_surfaces:
         sys.exit("the file has curved surfaces (NURBS); export them as meshes")
     numbers: dict[int, int] = {}  # of meshes, by their places in the file
@@ -44,9 +44,9 @@ def _items(found: Sequence[Item]) -> list[Item]:
 
 def _hidden(scene: ufbx.Scene) -> set[int]:
     """Nodes that are switched off, and levels of detail but the first, with all below them."""
-    nodes = _items(scene.nodes)
+    nodes = _items(scene.nodes)  # type: ignore
     hidden = {node.element_id for node in nodes if not node.visible}
-    for group in _items(scene.lod_groups):
+    for group in _items(scene.lod_groups):  # type: ignore
         for holder in _items(group.instances):
             hidden |= {node.element_id for node in _items(holder.children)[1:]}
     for node in nodes:  # each follows its parent
@@ -66,6 +66,6 @@ def _polygons(mesh: ufbx.Mesh) -> tuple:
 def _matrix(node: ufbx.Node) -> np.ndarray:
     """The matrix from a mesh to the scene, 4 x 4."""
     matrix = np.eye(4)
-    if node.mesh.skinned_is_local:
+    if node.mesh.skinned_is_local:  # type: ignore
         matrix[:3] = np.array(node.geometry_to_world).T
     return matrix
