@@ -21,7 +21,7 @@ import sys
 from importlib.machinery import PathFinder
 
 EXTRAS = {"torch", "onnxscript", "safetensors", "matplotlib"}
-EXTRAS |= {"manifold3d", "PIL", "jinja2", "shapely", "skimage", "fsspec", "pyarrow", "ray"}
+EXTRAS |= {"manifold3d", "PIL", "jinja2", "shapely", "skimage", "fsspec", "pyarrow", "ray", "scipy"}
 
 class WithoutExtras(PathFinder):
     @classmethod

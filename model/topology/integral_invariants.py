@@ -144,6 +144,16 @@ def _eigenvalues(
 
 
 @kernel
+def _times(matrix: NDArray[np.float64], vector: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The product of a 3 x 3 matrix with a vector; numba would need SciPy for the operator."""
+    product = np.zeros(3)
+    for k in range(3):
+        for j in range(3):
+            product[k] += matrix[k, j] * vector[j]
+    return product
+
+
+@kernel
 def _place_in_whole(
     centroids: NDArray[np.float64],
     normals: NDArray[np.float64],
@@ -167,7 +177,7 @@ def _place_in_whole(
     for f in range(len(centroids)):
         c = centroids[f] - mean
         n = normals[f]
-        along_c, along_n = covariance @ c, covariance @ n
+        along_c, along_n = _times(covariance, c), _times(covariance, n)
         out[f, 0] = math.sqrt(_dot(c, c))
         out[f, 1] = abs(_dot(c, n))
         out[f, 2] = math.sqrt(max(_dot(c, along_c), 0.0))
