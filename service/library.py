@@ -6,9 +6,8 @@ extra `parquet`.
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 import pyarrow as pa
@@ -81,13 +80,9 @@ class Library:
     def __len__(self) -> int:
         return len(self.table)
 
-    def column(self, name: str) -> list:
-        """Values of a column."""
-        return self._columns[name]
-
-    @cached_property
-    def _columns(self) -> dict[str, list]:
-        return {name: self.table[name].to_pylist() for name in self.table.column_names}
+    def value(self, name: str, row: int) -> Any:
+        """Value of a column in one row."""
+        return self.table[name][row].as_py()
 
     def nearest(self, embedding: NDArray[np.float32], count: int) -> list[Match]:
         """The `count` meshes that are most alike, the nearest first; exact."""
@@ -148,16 +143,16 @@ class Library:
 
     def relation(self, first: int, second: int) -> str:
         """How the second mesh differs from the first, in words."""
-        if self.column("sha256")[first] == self.column("sha256")[second]:
+        if self.value("sha256", first) == self.value("sha256", second):
             return "same file"
         found = []
-        sizes = [self.column("radius")[row] for row in (first, second)]
+        sizes = [self.value("radius", row) for row in (first, second)]
         if abs(sizes[1] / sizes[0] - 1) > SAME_SIZE:
             found.append(f"{sizes[1] / sizes[0]:.3g} times as large")
-        hands = [np.array(self.column("chirality")[row]) for row in (first, second)]
+        hands = [np.array(self.value("chirality", row)) for row in (first, second)]
         if are_mirror_images(*hands):
             found.append("mirrored")
-        faces = [self.column("mesh")[row]["faces_in"] for row in (first, second)]
+        faces = [self.value("mesh", row)["faces_in"] for row in (first, second)]
         if abs(faces[1] / faces[0] - 1) > SAME_SIZE:
             found.append(f"{faces[1]:,} faces for {faces[0]:,}")
         return ", ".join(found) or "same shape"

@@ -23,8 +23,9 @@ from meshconv3d.model.nn.checkpoint import Checkpoint, load_checkpoint, save_che
 from meshconv3d.model.nn.network import Network
 from meshconv3d.model.training.evaluation import (
     calibrate_network,
-    fit_embedding,
-    fit_novelty,
+    labels_of,
+    mesh_numbers,
+    pooled_features,
     predict,
 )
 from meshconv3d.model.training.meshes import LoadedSamples, load_samples
@@ -54,11 +55,13 @@ def main() -> None:
         )
         for name, network in networks.items()
     }
+    # The features are those of the one network, whatever its head.
+    pooled = {name: pooled_features(trained.network, s) for name, s in training.items()}
     everything = LoadedSamples(list(chain.from_iterable(s.versions for s in training.values())), 0)
-    fit_embedding(trained.network, everything)
+    trained.network.embedding.fit(torch.cat(list(pooled.values())), mesh_numbers(everything))
     for name, network in networks.items():
         network.embedding.load_state_dict(trained.network.embedding.state_dict())
-        fit_novelty(network, training[name])
+        network.novelty.fit(pooled[name], labels_of(training[name]))
         val = [s for s in samples[name] if s.split == "val"]
         calibration = calibrate_network(network, load_samples(val, network.config, COPIES["val"]))
         counts = {

@@ -3,7 +3,6 @@
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import chain, islice
 
-import numpy as np
 import torch
 from torch import Tensor
 
@@ -32,39 +31,38 @@ def predict(network: Network, meshes: Sequence[LabelledMesh]) -> Outputs:
 
 def fit_feature_space(network: Network, samples: LoadedSamples) -> None:
     """Fit out-of-distribution score and embedding to the training meshes and their copies."""
-    fit_novelty(network, samples)
-    fit_embedding(network, samples)
-
-
-def fit_novelty(network: Network, samples: LoadedSamples) -> None:
-    """Fit the out-of-distribution score to the training meshes and their copies."""
-    meshes = list(chain.from_iterable(samples.versions))
-    network.novelty.cpu().fit(_pooled_features(network, meshes), _labels(meshes))
-
-
-def fit_embedding(network: Network, samples: LoadedSamples) -> None:
-    """Fit the embedding to the training meshes and their copies."""
-    meshes = list(chain.from_iterable(samples.versions))
-    counts = torch.tensor([len(versions) for versions in samples.versions])
-    numbers = torch.arange(len(counts)).repeat_interleave(counts)
-    network.embedding.cpu().fit(_pooled_features(network, meshes), numbers)
+    pooled = pooled_features(network, samples)
+    network.novelty.cpu().fit(pooled, labels_of(samples))
+    network.embedding.cpu().fit(pooled, mesh_numbers(samples))
 
 
 @torch.inference_mode()
-def _pooled_features(network: Network, meshes: Sequence[LabelledMesh]) -> Tensor:
+def pooled_features(network: Network, samples: LoadedSamples) -> Tensor:
+    """Pooled features of all meshes and their copies, M x C, on the CPU."""
+    meshes = list(chain.from_iterable(samples.versions))
     return torch.cat([network.features(*batch)[1].cpu() for batch in _batches(network, meshes)])
+
+
+def labels_of(samples: LoadedSamples) -> Tensor:
+    """Class index of all meshes and their copies, M."""
+    return _labels(chain.from_iterable(samples.versions))
+
+
+def mesh_numbers(samples: LoadedSamples) -> Tensor:
+    """For all meshes and their copies, M, the number of the mesh."""
+    counts = torch.tensor([len(versions) for versions in samples.versions])
+    return torch.arange(len(counts)).repeat_interleave(counts)
 
 
 def calibrate_network(network: Network, samples: LoadedSamples) -> Calibration:
     """The calibration on validation meshes, varied copies included."""
     meshes = list(chain.from_iterable(samples.versions))
     outputs = predict(network, meshes)
-    numbers = np.repeat(np.arange(len(samples.versions)), [len(v) for v in samples.versions])
     return calibrate(
         outputs.scores.numpy(),
         outputs.novelty.numpy(),
-        _labels(meshes).numpy(),
-        fit_same_shape(outputs.embedding.numpy(), numbers),
+        labels_of(samples).numpy(),
+        fit_same_shape(outputs.embedding.numpy(), mesh_numbers(samples).numpy()),
     )
 
 

@@ -103,8 +103,8 @@ def similar(file: str, library: Path, top: int, model: str | None, as_json: bool
         raise click.ClickException(f"{printable(file)}: {error}") from None
     matches = [
         {
-            "file": found.column("file")[row],
-            "class": found.column("class")[row],
+            "file": found.value("file", row),
+            "class": found.value("class", row),
             "distance": round(distance, 5),
             "same_shape": share and round(share, 5),
         }
@@ -162,22 +162,19 @@ def duplicates(
 
     with usage_errors(LibraryError):
         rows = found.duplicates(least)
-    names = found.column("file")
     groups = [
         [
-            {"file": names[row], "differs": found.relation(group[0], row) if place else "first"}
+            {
+                "file": found.value("file", row),
+                "differs": found.relation(group[0], row) if place else "first",
+            }
             for place, row in enumerate(group)
         ]
         for group in rows
     ]
     if page is not None:
-        drawn = [
-            [
-                (one["file"], one["differs"], picture)
-                for one, picture in zip(group, found.pictures(members), strict=True)
-            ]
-            for group, members in zip(groups, rows, strict=True)
-        ]
+        pictures = iter(found.pictures([row for group in rows for row in group]))
+        drawn = [[(one["file"], one["differs"], next(pictures)) for one in g] for g in groups]
         write_groups(drawn, str(library), len(found), page)
     if as_json or not sys.stdout.isatty():
         for group in groups:

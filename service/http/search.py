@@ -94,8 +94,8 @@ def _matches(library: "Library", prediction: Prediction, top: int) -> list[Alike
     pictures = library.pictures([match.row for match in matches])
     return [
         Alike(
-            file=library.column("file")[match.row],
-            class_=library.column("class")[match.row],
+            file=library.value("file", match.row),
+            class_=library.value("class", match.row),
             distance=round(match.distance, 5),
             same_shape=match.probability and round(match.probability, 5),
             picture=base64.b64encode(picture).decode() if picture else None,
