@@ -8,16 +8,15 @@ same, and its standard error.
 
 import argparse
 import math
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 
 from meshconv3d.export.teaching import Examples, Teacher
-from meshconv3d.model.datasets import class_names, list_samples
+from meshconv3d.model.datasets import list_samples
 from meshconv3d.model.errors import MeshError
 from meshconv3d.model.loading import load_mesh
-from meshconv3d.model.preparation import prepare
-from meshconv3d.model.topology.inputs import mesh_inputs
 from meshconv3d.service.models import ModelFile
 
 SHOTS = (1, 3, 5, 10)
@@ -53,18 +52,12 @@ def main() -> None:
 
 def read(teacher: Teacher, folder: Path) -> Examples:
     """All usable meshes of a folder, with their features."""
-    samples = list_samples(folder)
     used, features = [], []
-    for sample in samples:
-        try:
-            mesh, _ = prepare(load_mesh(sample.path), teacher.card.config.face_budget)
-        except MeshError:
-            continue
-        features.append(teacher.features(mesh_inputs(mesh, teacher.card.config)))
-        used.append(sample)
-    classes = class_names(used)
-    labels = np.array([classes.index(sample.label) for sample in used])
-    return Examples(classes, tuple(str(s.path) for s in used), labels, np.stack(features))
+    for sample in list_samples(folder):
+        with suppress(MeshError):
+            features.append(teacher.features(load_mesh(sample.path)))
+            used.append(sample)
+    return Examples.of([s.label for s in used], [str(s.path) for s in used], features)
 
 
 def eligible(everything: Examples, shots: int) -> np.ndarray:
@@ -85,13 +78,13 @@ def task(
         members = rng.permutation(np.flatnonzero(everything.labels == label))
         known += members[:shots].tolist()
         asked += members[shots:].tolist()
-    renumbered = {label: place for place, label in enumerate(chosen.tolist())}
-    examples = Examples(
-        tuple(everything.classes[label] for label in chosen),
-        tuple(everything.files[i] for i in known),
-        np.array([renumbered[label] for label in everything.labels[known].tolist()]),
-        everything.features[known],
+    examples = Examples.of(
+        [everything.classes[label] for label in everything.labels[known]],
+        [everything.files[i] for i in known],
+        list(everything.features[known]),
     )
+    # Classes are in alphabetical order in both.
+    chosen = np.sort(chosen)
     head, _ = teacher.fit(examples)
     given = chosen[(everything.features[asked] @ head.weight.T + head.bias).argmax(axis=1)]
     labels = everything.labels[asked]

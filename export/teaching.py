@@ -11,6 +11,7 @@ import hashlib
 import json
 import zlib
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import date
 from functools import cached_property
@@ -24,7 +25,9 @@ from onnx import numpy_helper
 from meshconv3d.export.metadata import ModelCard, ModelFileError, Probe, read_card
 from meshconv3d.export.runtime import open_session, run
 from meshconv3d.model.calibration import Calibration, calibrate, softmax
-from meshconv3d.model.topology.inputs import MeshInputs, collate
+from meshconv3d.model.mesh import Mesh
+from meshconv3d.model.preparation import prepare
+from meshconv3d.model.topology.inputs import collate, mesh_inputs
 
 # The property of a taught file that holds its examples' features, so that it can be taught more.
 EXAMPLES = "meshconv3d-examples"
@@ -51,24 +54,29 @@ class Examples:
     labels: NDArray[np.int64]
     features: NDArray[np.float32]
 
+    @classmethod
+    def of(
+        cls, names: Sequence[str], files: Sequence[str], features: Sequence[NDArray[np.float32]]
+    ) -> Self:
+        """Examples of which each has the name of its class, its file and its features, C."""
+        classes = tuple(sorted(set(names)))
+        labels = np.array([classes.index(name) for name in names], np.int64)
+        stacked = np.stack(features) if features else np.zeros((0, 0), np.float32)
+        return cls(classes, tuple(files), labels, stacked)
+
     @cached_property
     def counts(self) -> NDArray[np.int64]:
         """Number of examples of each class, N_c."""
         return np.bincount(self.labels, minlength=len(self.classes))
 
-    def joined(self, other: Self) -> "Examples":
+    def joined(self, other: Self) -> Self:
         """These and others; classes of one name become one, an example of one name is replaced."""
-        classes = tuple(sorted({*self.classes, *other.classes}))
         rows: dict[tuple[str, str], NDArray] = {}
         for each in (self, other):
             names = (each.classes[label] for label in each.labels)
             rows |= zip(zip(names, each.files, strict=True), each.features, strict=True)
-        return Examples(
-            classes,
-            tuple(file for _, file in rows),
-            np.array([classes.index(name) for name, _ in rows]),
-            np.stack(list(rows.values())),
-        )
+        names, files = zip(*rows, strict=True)
+        return self.of(names, files, list(rows.values()))
 
     def to_property(self) -> str:
         """Text for the metadata of a model file; features are rounded to half precision."""
@@ -175,9 +183,14 @@ class Teacher:
         )
         return open_session(graph.SerializeToString())
 
-    def features(self, inputs: MeshInputs) -> NDArray[np.float32]:
-        """The features of a mesh that the head reads, C."""
-        return run(self._session, [self._pooled], collate([inputs]))[0][0]
+    def features(self, mesh: Mesh) -> NDArray[np.float32]:
+        """The features of a mesh that the head reads, C. Raises UnusableMesh."""
+        return run(self._session, [self._pooled], self._arrays(mesh))[0][0]
+
+    def _arrays(self, mesh: Mesh) -> dict[str, NDArray]:
+        """The graph's inputs for a mesh."""
+        prepared, _ = prepare(mesh, self.card.config.face_budget)
+        return collate([mesh_inputs(prepared, self.card.config)])
 
     def fit(self, examples: Examples) -> tuple[Head, LeftOut]:
         """The head for some examples, and what they say of one another."""
@@ -191,11 +204,11 @@ class Teacher:
         return _head(means, within, self._centre), _leave_one_out(points, means, far, examples)
 
     def teach(
-        self, name: str, examples: Examples, probe: tuple[str, MeshInputs], by: str | None = None
+        self, name: str, examples: Examples, probe: tuple[str, Mesh], by: str | None = None
     ) -> "Taught":
         """A model file for the classes of some examples.
 
-        probe: a sample's name and inputs, for the self test. by: the teacher, for the card.
+        probe: a sample's name and mesh, for the self test. by: the teacher, for the card.
         """
         head, left_out = self.fit(examples)
         self._replace("classify.weight", head.weight)
@@ -207,33 +220,34 @@ class Teacher:
             if output.name in ("scores", "evidence"):
                 output.type.tensor_type.shape.dim[-1].dim_value = len(examples.classes)
         del self._graph.graph.value_info[:]  # shapes inside the graph, some of the old classes
-        sample, inputs = probe
-        scores = self.features(inputs) @ head.weight.T + head.bias
+        sample, mesh = probe
+        scores = self.features(mesh) @ head.weight.T + head.bias
+        record = self._record(examples, by)
         card = replace(
             self.card,
             name=name,
             config=replace(self.card.config, classes=examples.classes),
-            training={"taught": self._record(examples) | ({"by": by} if by else {})},
+            training={"taught": record},
             accuracy=_accuracy(left_out, len(examples.files)),
             calibration=_calibrate(left_out),
             probe=Probe(sample, tuple(round(float(score), 5) for score in scores)),
-            about=_about(name, by, self._record(examples)["base"]["name"], examples, left_out),
+            about=_about(name, by, record["base"]["name"], examples, left_out),
         )
         properties = card.to_properties() | {EXAMPLES: examples.to_property()}
         onnx.helper.set_model_props(self._graph, properties)
         content = self._graph.SerializeToString()
-        found = run(open_session(content), ["scores"], collate([inputs]))[0][0]
+        found = run(open_session(content), ["scores"], self._arrays(mesh))[0][0]
         if not np.allclose(found, scores, rtol=1e-4, atol=1e-4):
             raise ModelFileError("the base model's graph is not one that its export writes")
         return Taught(content, card, left_out)
 
-    def _record(self, examples: Examples) -> dict[str, Any]:
+    def _record(self, examples: Examples, by: str | None) -> dict[str, Any]:
         """What the card says of the teaching."""
         base = {"name": self.card.name, "sha256": self._sha256}
         if self.examples is not None:  # its own base is the base of what is added to it
             base = self.card.training["taught"]["base"]
         counts = dict(zip(examples.classes, examples.counts.tolist(), strict=True))
-        return {"base": base, "examples": counts}
+        return {"base": base, "examples": counts, **({"by": by} if by else {})}
 
 
 @dataclass(frozen=True, eq=False)
@@ -268,6 +282,7 @@ def _whitening(offset: NDArray[np.float64], examples: Examples) -> NDArray[np.fl
 def _head(
     means: NDArray[np.float64], within: NDArray[np.float64], centre: NDArray[np.float64]
 ) -> Head:
+    """The head of classes with these whitened means, N_c x C: of equal prior probability."""
     weight = means @ within.T / SCALE
     bias = -np.sum(means**2, axis=1) / 2 / SCALE - weight @ centre
     return Head(*(each.astype(np.float32) for each in (weight, bias, within, means)))

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from meshconv3d.export.metadata import ModelCard
     from meshconv3d.export.teaching import Examples, LeftOut, Teacher
     from meshconv3d.model.loading import Limits
-    from meshconv3d.model.topology.inputs import MeshInputs
+    from meshconv3d.model.mesh import Mesh
 
 # Lines of each kind that are printed.
 NAMED = 10
@@ -83,40 +83,30 @@ def teach(
                 f"two classes or more are needed, as {folder}/CLASS/FILE with a mesh that can be "
                 f"used; found {found}"
             )
-        made = teacher.teach(name or output.stem, examples, _probe(teacher), by)
+        made = teacher.teach(name or output.stem, examples, _probe(), by)
     write_whole(output, made.content)
     _report(examples, made.card, made.left_out)
     click.echo(f"wrote {output} ({len(made.content) / 1e6:.2f} MB)")
 
 
-def _inputs(teacher: "Teacher", path: Path, limits: "Limits | None" = None) -> "MeshInputs":
-    """The network's inputs for a file. Raises MeshError, OSError."""
-    from meshconv3d.model.loading import load_mesh
-    from meshconv3d.model.preparation import prepare
-    from meshconv3d.model.topology.inputs import mesh_inputs
-
-    config = teacher.card.config
-    mesh, _ = prepare(load_mesh(path, limits=limits), config.face_budget)
-    return mesh_inputs(mesh, config)
-
-
-def _probe(teacher: "Teacher") -> "tuple[str, MeshInputs]":
+def _probe() -> "tuple[str, Mesh]":
     """A sample mesh for the self test of the model."""
+    from meshconv3d.model.loading import load_mesh
     from meshconv3d.model.samples import sample_paths
 
     name, path = next(iter(sample_paths().items()))
-    return name, _inputs(teacher, path)
+    return name, load_mesh(path)
 
 
 def _read(teacher: "Teacher", folder: Path, limits: "Limits") -> "Examples":
     """The examples in a folder; files that cannot be used are named and left out."""
-    import numpy as np
     from rich.console import Console
     from rich.progress import track
 
     from meshconv3d.export.teaching import Examples
-    from meshconv3d.model.datasets import DatasetError, class_names, list_samples
+    from meshconv3d.model.datasets import DatasetError, list_samples
     from meshconv3d.model.errors import MeshError
+    from meshconv3d.model.loading import load_mesh
     from meshconv3d.service.prediction import Failure
 
     with usage_errors(DatasetError):
@@ -128,17 +118,15 @@ def _read(teacher: "Teacher", folder: Path, limits: "Limits") -> "Examples":
         samples, "Reading", console=console, transient=True, disable=not console.is_terminal
     ):
         try:
-            features.append(teacher.features(_inputs(teacher, sample.path, limits)))
+            features.append(teacher.features(load_mesh(sample.path, limits=limits)))
             used.append(sample)
         except (MeshError, OSError) as error:
             reason = Failure.of(error).message
             click.echo(f"{readable(str(sample.path))} is left out: {printable(reason)}", err=True)
-    classes = class_names(used)
-    return Examples(
-        classes,
-        tuple(readable(str(sample.path.relative_to(folder))) for sample in used),
-        np.array([classes.index(sample.label) for sample in used], np.int64),
-        np.stack(features) if features else np.zeros((0, 0), np.float32),
+    return Examples.of(
+        [sample.label for sample in used],
+        [readable(str(sample.path.relative_to(folder))) for sample in used],
+        features,
     )
 
 

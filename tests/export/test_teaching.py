@@ -83,12 +83,13 @@ def test_a_taught_file_gives_the_scores_of_its_head_and_the_embedding_of_its_bas
     teacher: Teacher, model_file: Path
 ) -> None:
     name, path = next(iter(sample_paths().items()))
-    mesh, _ = prepare(load_mesh(path), teacher.card.config.face_budget)
-    inputs = mesh_inputs(mesh, teacher.card.config)
+    mesh = load_mesh(path)
+    prepared, _ = prepare(mesh, teacher.card.config.face_budget)
+    inputs = mesh_inputs(prepared, teacher.card.config)
     own = Teacher(model_file.read_bytes())
     examples = drawn(own, 3)
     head, left_out = own.fit(examples)
-    taught = own.teach("mine", examples, (name, inputs), by="Anna")
+    taught = own.teach("mine", examples, (name, mesh), by="Anna")
     session = open_session(taught.content)
     outputs: dict[str, Any] = dict(
         zip(
@@ -97,7 +98,7 @@ def test_a_taught_file_gives_the_scores_of_its_head_and_the_embedding_of_its_bas
             strict=True,
         )
     )
-    expected = teacher.features(inputs) @ head.weight.T + head.bias
+    expected = teacher.features(mesh) @ head.weight.T + head.bias
     assert outputs["scores"][0] == pytest.approx(expected, rel=1e-4, abs=1e-4)
     assert outputs["evidence"].mean(axis=0) + head.bias == pytest.approx(
         expected, rel=1e-3, abs=1e-3
