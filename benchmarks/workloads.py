@@ -55,9 +55,11 @@ def as_file(mesh: Mesh, form: str) -> bytes:
     return content.encode() if isinstance(content, str) else content
 
 
-def _amf(mesh: Mesh) -> str:
+def amf(mesh: Mesh, digits: int = 8) -> str:
+    """The mesh as AMF, which trimesh does not write. digits: of each coordinate."""
     points = "".join(
-        f"<vertex><coordinates><x>{x:.8g}</x><y>{y:.8g}</y><z>{z:.8g}</z></coordinates></vertex>\n"
+        f"<vertex><coordinates><x>{x:.{digits}g}</x><y>{y:.{digits}g}</y><z>{z:.{digits}g}</z>"
+        "</coordinates></vertex>\n"
         for x, y, z in mesh.vertices.tolist()
     )
     triangles = "".join(
@@ -65,8 +67,9 @@ def _amf(mesh: Mesh) -> str:
         for a, b, c in mesh.faces.tolist()
     )
     return (
-        '<?xml version="1.0" encoding="utf-8"?><amf unit="millimeter"><object id="0"><mesh>'
-        f"<vertices>{points}</vertices><volume>{triangles}</volume></mesh></object></amf>"
+        '<?xml version="1.0" encoding="UTF-8"?>\n<amf unit="millimeter"><object id="0"><mesh>\n'
+        f"<vertices>\n{points}</vertices>\n<volume>\n{triangles}</volume>\n"
+        "</mesh></object></amf>\n"
     )
 
 
@@ -81,4 +84,4 @@ def _usda(mesh: Mesh) -> str:
 
 
 # Forms that trimesh does not write.
-WRITERS = {"amf": _amf, "usda": _usda}
+WRITERS = {"amf": amf, "usda": _usda}

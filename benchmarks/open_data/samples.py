@@ -6,15 +6,12 @@ all of them CC0, and the file that each becomes. The same data gives the same fi
 
 import argparse
 import tarfile
-from io import BytesIO
 from pathlib import Path
-from typing import Any
-
-import trimesh
 
 import meshconv3d.model.samples
 from benchmarks.open_data.curation import SETS, TABLES, read_table
 from benchmarks.samples.__main__ import encode
+from benchmarks.workloads import amf, as_file
 from meshconv3d.model.loading import load_mesh
 from meshconv3d.model.mesh import Mesh
 
@@ -59,31 +56,10 @@ def written(mesh: Mesh, name: str) -> bytes:
     """The mesh as a file of the format that the name ends with; text has five digits."""
     form = Path(name).suffix[1:]
     if form == "gltf":
-        scene = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).scene()
-        files: Any = scene.export(file_type="gltf", embed_buffers=True)
-        return files["model.gltf"]
+        return as_file(mesh, form)
     if form == "amf":
-        return amf(mesh)
+        return amf(mesh, digits=5).encode()
     return encode(mesh.moved(mesh.vertices.round(5) + 0.0), form)
-
-
-def amf(mesh: Mesh) -> bytes:
-    """The mesh as AMF, which trimesh does not write."""
-    vertices = "".join(
-        f"<vertex><coordinates><x>{x:.5g}</x><y>{y:.5g}</y><z>{z:.5g}</z></coordinates></vertex>\n"
-        for x, y, z in mesh.vertices.tolist()
-    )
-    triangles = "".join(
-        f"<triangle><v1>{a}</v1><v2>{b}</v2><v3>{c}</v3></triangle>\n"
-        for a, b, c in mesh.faces.tolist()
-    )
-    text = BytesIO()
-    text.write(
-        b'<?xml version="1.0" encoding="UTF-8"?>\n<amf unit="millimeter"><object id="0"><mesh>\n'
-    )
-    text.write(f"<vertices>\n{vertices}</vertices>\n<volume>\n{triangles}</volume>\n".encode())
-    text.write(b"</mesh></object></amf>\n")
-    return text.getvalue()
 
 
 if __name__ == "__main__":

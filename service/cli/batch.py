@@ -14,9 +14,11 @@ from meshconv3d.service.cli.setup import (
     model_option,
     pool_executor,
     read_settings,
+    resume_option,
     top_option,
     usage_errors,
     worker_setup,
+    workers_option,
 )
 
 if TYPE_CHECKING:
@@ -39,13 +41,13 @@ if TYPE_CHECKING:
     metavar="FILE",
     help="Write the records to FILE.jsonl, .csv or .parquet.",
 )
-@click.option("--resume", is_flag=True, help="Go on with an output that was interrupted.")
+@resume_option
 @model_option
 @top_option
 @click.option("--include", multiple=True, metavar="GLOB", help="Of folders, only files that fit.")
 @click.option("--exclude", multiple=True, metavar="GLOB", help="Of folders, not those that fit.")
 @click.option("--shard", metavar="I/N", help="Only part I of N, the same one on every machine.")
-@click.option("--workers", type=click.IntRange(1, 256), help="Processes. [default: usable cores]")
+@workers_option
 @click.option("--ray", metavar="ADDRESS", help="On a Ray cluster: HOST:PORT, auto or local.")
 @click.option(
     "--sort-into",

@@ -13,7 +13,9 @@ from meshconv3d.service.cli.setup import (
     model_option,
     pool_executor,
     read_settings,
+    resume_option,
     usage_errors,
+    workers_option,
 )
 from meshconv3d.service.cli.terminal import printable, shown
 
@@ -36,9 +38,9 @@ SHOWN_GROUPS = 50
     metavar="FILE.parquet",
     help="The library to write: a row for each mesh.",
 )
-@click.option("--resume", is_flag=True, help="Go on with a library that was interrupted.")
+@resume_option
 @model_option
-@click.option("--workers", type=click.IntRange(1, 256), help="Processes. [default: usable cores]")
+@workers_option
 @click.pass_context
 def embed(
     ctx: click.Context,

@@ -27,6 +27,12 @@ model_option: Callable[..., Any] = click.option(
 top_option: Callable[..., Any] = click.option(
     "--top", type=click.IntRange(1), help="Only the N likeliest classes of each."
 )
+resume_option: Callable[..., Any] = click.option(
+    "--resume", is_flag=True, help="Go on with an output that was interrupted."
+)
+workers_option: Callable[..., Any] = click.option(
+    "--workers", type=click.IntRange(1, 256), help="Processes. [default: usable cores]"
+)
 format_option: Callable[..., Any] = click.option(
     "--format",
     "declared",
