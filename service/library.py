@@ -100,7 +100,7 @@ class Library:
 
     def pictures(self, rows: Sequence[int]) -> list[bytes | None]:
         """PNG of each row, where pictures were drawn."""
-        stored = self.table["row"].take(rows).to_pylist()
+        stored = [self.value("row", row) for row in rows]
         file = ParquetFile(self.path)
         sizes = [file.metadata.row_group(i).num_rows for i in range(file.num_row_groups)]
         starts = np.concatenate([[0], np.cumsum(sizes)])

@@ -90,6 +90,16 @@ def test_duplicates_are_grouped_and_told_apart(
     assert "data:image/png" in page.read_text()
 
 
+def test_a_library_without_duplicates_has_a_page_that_says_so(
+    folder: Path, model_file: Path, tmp_path: Path
+) -> None:
+    file, page = tmp_path / "library.parquet", tmp_path / "page.html"
+    meshconv3d("embed", folder / "steps.off", "-o", file, "--model", model_file)
+    done = meshconv3d("duplicates", file, "--model", model_file, "--report", page)
+    assert (done.returncode, done.stdout) == (0, "")
+    assert "0 groups of one shape" in page.read_text()
+
+
 def test_a_mirror_image_is_told_apart(library: Path, model_file: Path) -> None:
     found = Library.read(library, [open_model(str(model_file)).card])
     rows = {Path(found.value("file", row)).stem: row for row in range(len(found))}
