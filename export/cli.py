@@ -32,12 +32,13 @@ def export(
     The file is compared with torch on several meshes, alone and together in a ragged batch; if
     they differ by more than 1e-4, it is not written and the exit code is 1.
     """
+    if not output.parent.is_dir():
+        raise click.UsageError(f"no such folder: {output.parent}")
+    loaded = _load(checkpoint)  # first: its extra has all that is needed
+
     from meshconv3d.export.onnx_file import export_model
     from meshconv3d.export.parity import ParityError
 
-    if not output.parent.is_dir():
-        raise click.UsageError(f"no such folder: {output.parent}")
-    loaded = _load(checkpoint)
     try:
         about = card.read_text(encoding="utf-8") if card else ""
     except UnicodeDecodeError:
@@ -62,6 +63,8 @@ def export(
 @click.option("--mesh", "meshes", type=EXISTING_FILE, multiple=True, help=MESHES_HELP)
 def verify(model: Path, checkpoint: Path, meshes: tuple[Path, ...]) -> None:
     """Check that MODEL and its card agree with the checkpoint; exits with 1 if not."""
+    loaded = _load(checkpoint)  # first: its extra has all that is needed
+
     import numpy as np
     import onnx
 
@@ -69,7 +72,6 @@ def verify(model: Path, checkpoint: Path, meshes: tuple[Path, ...]) -> None:
     from meshconv3d.export.onnx_file import probe
     from meshconv3d.export.parity import TOLERANCE, ParityError, check_parity
 
-    loaded = _load(checkpoint)
     content = model.read_bytes()
     try:
         inputs = _inputs(loaded, meshes)

@@ -20,7 +20,7 @@ WITHOUT_EXTRAS = """
 import sys
 from importlib.machinery import PathFinder
 
-EXTRAS = {"torch", "onnxscript", "safetensors", "matplotlib"}
+EXTRAS = {"torch", "onnx", "onnxscript", "safetensors", "matplotlib"}
 EXTRAS |= {"manifold3d", "PIL", "jinja2", "shapely", "skimage", "fsspec", "pyarrow", "ray", "scipy"}
 
 class WithoutExtras(PathFinder):
@@ -103,6 +103,7 @@ def test_classifying_needs_no_extra(name: str) -> None:
         ("train", ["train", "{folder}", "--out", "{folder}/out"]),
         ("train", ["export", "{file}", "-o", "{folder}/model.onnx"]),
         ("train", ["verify", "{file}", "--checkpoint", "{file}"]),
+        ("teach", ["teach", "{folder}", "-o", "{folder}/model.onnx"]),
         ("remote", ["classify", "memory://meshes"]),
         ("remote", ["batch", "{mesh}", "--output", "memory://all.csv"]),
         ("parquet", ["batch", "{mesh}", "--output", "{folder}/all.parquet"]),

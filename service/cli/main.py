@@ -38,6 +38,7 @@ EXTRAS = {
     "ray": "ray",
     "pyarrow": "parquet",
     "fsspec": "remote",
+    "onnx": "teach",
     **dict.fromkeys(("torch", "onnxscript", "safetensors", "matplotlib"), "train"),
 }
 
