@@ -26,7 +26,7 @@ from meshconv3d.model.loading.text import (
 )
 from meshconv3d.model.loading.triangles import Triangles, triangulate
 
-_VERTEX, _FACE, _SLASH = b"vf/"
+_VERTEX, _FACE, _SLASH, _SPACE = b"vf/ "
 _DIGITS = 18  # of a reference
 
 # v and f lines that the next line continues; in other lines, a last backslash ends a path.
@@ -38,15 +38,15 @@ _OK, _BAD_VERTEX, _BAD_FACE = range(3)
 def read_obj(data: bytes, limits: Limits) -> Triangles:
     """The triangles of an OBJ file. Raises MalformedFile, UnusableMesh and LimitExceeded."""
     text = plain_text(data)
-    if b"\\\n" in text:
+    if b"\\" in text:
         text = _CONTINUED.sub(lambda lines: lines[0].replace(b"\\\n", b" "), text) + b"\n"
     scanned = np.frombuffer(text, np.uint8)
-    vertex_count, face_count, corner_count = _count(scanned)
-    limits.check("vertices", vertex_count)
-    limits.check("faces", face_count)
-    vertices, counts = np.empty((vertex_count, 3)), np.empty(face_count, np.int64)
-    corners = np.empty(corner_count, np.int64)
-    ended, place = _scan(scanned, vertices, corners, counts)
+    # At least as many as there are; what of an array stays unused takes no memory.
+    space = scanned <= _SPACE
+    words = int(np.count_nonzero(space[1:] & ~space[:-1]))
+    vertices = np.empty((words // 4 + 1, 3))
+    corners, counts = np.empty(words, np.int64), np.empty(words, np.int64)
+    ended, place, *found = _scan(scanned, vertices, corners, counts)
     if ended == _BAD_VERTEX:
         raise MalformedFile(
             "bad-vertex",
@@ -59,8 +59,11 @@ def read_obj(data: bytes, limits: Limits) -> Triangles:
             "each f line must name its vertices by whole numbers, "
             f"unlike the line {quoted_line(text, place)}",
         )
+    vertices, corners, counts = vertices[: found[0]], corners[: found[1]], counts[: found[2]]
+    limits.check("vertices", len(vertices))
+    limits.check("faces", len(counts))
     convert(text, vertices)
-    _check_references(corners, vertex_count)
+    _check_references(corners, len(vertices))
     return vertices, triangulate(vertices, corners, counts, limits)
 
 
@@ -76,30 +79,12 @@ def _check_references(corners: NDArray[np.int64], vertices: int) -> None:
 
 
 @kernel
-def _count(text):
-    """The v lines and f lines of a text, and the words in its f lines."""
-    vertices = faces = corners = place = 0
-    while place < len(text):
-        place = next_in_line(text, place)
-        kind = text[place]
-        if kind == _VERTEX and is_space(text[place + 1]):
-            vertices += 1
-        elif kind == _FACE and is_space(text[place + 1]):
-            faces += 1
-            place = next_in_line(text, place + 1)
-            while not _line_ends(text, place):
-                corners += 1
-                place = next_in_line(text, word_end(text, place))
-        place = line_end(text, place) + 1
-    return vertices, faces, corners
-
-
-@kernel
 def _scan(text, vertices, corners, counts):
-    """Fill arrays that have the sizes that `_count` gives, up to the first line that is wrong.
+    """Fill arrays that are long enough, up to the first line that is wrong.
 
     vertices: V x 3. corners: vertices of the faces, counted from 0; -1 for one that cannot exist.
-    counts: the corners of each face. Returns how the scan ended, and where.
+    counts: the corners of each face. Returns how the scan ended, where, and how many vertices,
+    corners and faces there are.
     """
     vertex = corner = face = place = 0
     while place < len(text):
@@ -110,7 +95,7 @@ def _scan(text, vertices, corners, counts):
             for axis in range(3):
                 place = next_in_line(text, place)
                 if _line_ends(text, place):
-                    return _BAD_VERTEX, place
+                    return _BAD_VERTEX, place, vertex, corner, face
                 vertices[vertex, axis], place = number(text, place)
             vertex += 1
         elif kind == _FACE and is_space(text[place + 1]):
@@ -119,13 +104,13 @@ def _scan(text, vertices, corners, counts):
             while not _line_ends(text, place):
                 corners[corner], place = _reference(text, place, vertex)
                 if corners[corner] < -1:
-                    return _BAD_FACE, place
+                    return _BAD_FACE, place, vertex, corner, face
                 corner += 1
                 place = next_in_line(text, word_end(text, place))
             counts[face] = corner - first
             face += 1
         place = line_end(text, place) + 1
-    return _OK, place
+    return _OK, place, vertex, corner, face
 
 
 @inlined

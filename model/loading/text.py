@@ -17,6 +17,7 @@ from meshconv3d.model.jit import inlined, kernel
 
 _SHOWN = 60  # characters of a file's content in a message
 _WORD = re.compile(rb"\S+")
+_PADDING = b"\0", b"\x1a"
 
 LINE_FEED, MINUS, PLUS, DOT, HASH, ZERO, NINE = b"\n-+.#09"
 _EXPONENT = b"e"[0]
@@ -53,7 +54,11 @@ def plain_text(data: bytes) -> bytes:
     It stays bytes: names may be in any encoding, and everything that is read is ASCII.
     Raises MalformedFile when there are zero bytes in it.
     """
-    data = data.removeprefix(BOM_UTF8).rstrip(b"\0\x1a \t\r\n")
+    data = data.removeprefix(BOM_UTF8)
+    if data.endswith(_PADDING):
+        data = data.rstrip(b"".join(_PADDING) + b" \t\r\n")
+    if not data.endswith(b"\n"):
+        data += b"\n"
     zero = data.find(b"\0")
     if zero >= 0:
         raise MalformedFile(
@@ -62,7 +67,7 @@ def plain_text(data: bytes) -> bytes:
         )
     if b"\r" in data:
         data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-    return data + b"\n"
+    return data
 
 
 def quoted(content: object) -> str:
