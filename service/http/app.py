@@ -1,14 +1,17 @@
-"""The app: its routes, and the middleware before them."""
+"""The app: its routes, its page, and the middleware before them."""
 
 import asyncio
 import importlib.metadata
 import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fastapi import FastAPI
+from fastapi import FastAPI, Response
+from fastapi.responses import FileResponse
 from starlette.middleware.cors import CORSMiddleware
+from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from meshconv3d.service.http.admission import Admission, AdmissionMiddleware
@@ -16,7 +19,6 @@ from meshconv3d.service.http.dispatch import Dispatcher
 from meshconv3d.service.http.health import add_health_routes
 from meshconv3d.service.http.oip import add_inference_routes
 from meshconv3d.service.http.openapi import complete
-from meshconv3d.service.http.page import add_page
 from meshconv3d.service.http.problems import install_problem_handlers
 from meshconv3d.service.http.search import add_search_routes
 from meshconv3d.service.http.telemetry import Metrics, TelemetryMiddleware
@@ -38,6 +40,26 @@ CORS_REQUEST_HEADERS = (
 CORS_ANSWER_HEADERS = (
     *("inference-header-content-length", "retry-after", "traceparent", "x-request-id"),
 )
+
+# Built from `page/`; the name of every file in `assets` changes with its content.
+PAGE = Path(__file__).parents[1] / "page"
+
+PAGE_HEADERS = {
+    "content-security-policy": "; ".join(
+        (
+            "default-src 'none'",
+            "script-src 'self'",
+            "worker-src 'self'",
+            "style-src 'self'",
+            "img-src 'self' data:",
+            "connect-src 'self' data:",  # glTF has buffers in such addresses
+            "base-uri 'none'",
+            "form-action 'none'",
+            "frame-ancestors 'none'",
+        )
+    ),
+    "cross-origin-opener-policy": "same-origin",
+}
 
 
 def create_app(
@@ -106,3 +128,29 @@ class _Routes(FastAPI):
         if self.openapi_schema is None:
             self.openapi_schema = complete(super().openapi(), self._keyed)
         return self.openapi_schema
+
+
+def add_page(app: FastAPI) -> None:
+    """Add the page and its assets."""
+
+    @app.get("/", include_in_schema=False)
+    async def page() -> FileResponse:
+        """The page: never cached, since its name stays while its assets' names change."""
+        return FileResponse(
+            PAGE / "index.html", headers={**PAGE_HEADERS, "cache-control": "no-cache"}
+        )
+
+    app.mount("/assets", _Assets())
+
+
+class _Assets(StaticFiles):
+    """Scripts and styles of the page, which never change under their names."""
+
+    def __init__(self) -> None:
+        super().__init__(directory=PAGE / "assets")
+
+    def file_response(self, *args: Any, **options: Any) -> Response:
+        response = super().file_response(*args, **options)
+        lasting = {"cache-control": "public, max-age=31536000, immutable"}
+        response.headers.update(PAGE_HEADERS | lasting)
+        return response
