@@ -3,6 +3,7 @@
 import os
 import shutil
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -10,7 +11,8 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser, Locator, Page, Playwright, expect, sync_playwright
 
-from tests.articulated import sample_paths
+from meshconv3d.model.samples import sample_paths
+from tests import articulated
 from tests.commands import meshconv3d
 from tests.meshes import torus
 from tests.service.conftest import LIMIT, Service, services
@@ -18,6 +20,12 @@ from tests.service.conftest import LIMIT, Service, services
 # WebGL in software: machines that test have no graphics card.
 SOFTWARE = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
 NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
+DESKTOP = {"viewport": {"width": 1280, "height": 860}}
+FORGET = """() => {
+    document.querySelector("#result").replaceChildren();
+    document.querySelector("#status").textContent = "";
+    document.querySelector("#view").dataset.shows = "nothing";
+}"""
 expect.set_options(timeout=60_000)
 
 
@@ -50,7 +58,9 @@ def site(
 ) -> Iterator[Service]:
     """A service with three models, of which shrec11 is the default, and the samples as library."""
     library = tmp_path_factory.mktemp("library") / "samples.parquet"
-    made = meshconv3d("embed", *sample_paths().values(), "-o", library, "--model", "shrec11")
+    made = meshconv3d(
+        "embed", *articulated.sample_paths().values(), "-o", library, "--model", "shrec11"
+    )
     assert made.returncode == 0, made.stderr
     models = ("shrec11", str(model_file), str(learned_file))
     options = [word for model in models for word in ("--model", model)]
@@ -72,8 +82,13 @@ class Visitor:
         return self.page.locator(selector)
 
     def give(self, *files: Path | dict) -> None:
-        """Choose files, as in the dialog."""
+        """Choose files, as in the dialog. Nothing is left in view of what was given before."""
+        self.forget()
         self.at("#files").set_input_files(list(files))  # type: ignore[arg-type]
+
+    def forget(self) -> None:
+        """Take away the result in view, lest one waits for another and finds this one."""
+        self.page.evaluate(FORGET)
 
     def drawn(self) -> None:
         """Wait until the mesh itself is in view."""
@@ -87,8 +102,8 @@ class Visitor:
         expect(self.at("#view")).to_have_attribute("data-shows", label)
 
 
-@pytest.fixture
-def visit(browser: Browser, site: Service) -> Iterator[Callable[..., Visitor]]:
+@contextmanager
+def visits(browser: Browser, site: Service) -> Iterator[Callable[..., Visitor]]:
     """Opens the page, at rest, in a window of its own. At the end, nothing went wrong on it, and
     it asked nobody but its service."""
     visitors: list[Visitor] = []
@@ -114,8 +129,20 @@ def visit(browser: Browser, site: Service) -> Iterator[Callable[..., Visitor]]:
 
 
 @pytest.fixture
-def visitor(visit: Callable[..., Visitor]) -> Visitor:
-    return visit(viewport={"width": 1280, "height": 860})
+def visit(browser: Browser, site: Service) -> Iterator[Callable[..., Visitor]]:
+    """`visits` of one test."""
+    with visits(browser, site) as visit:
+        yield visit
+
+
+@pytest.fixture(scope="module")
+def visitor(browser: Browser, site: Service) -> Iterator[Visitor]:
+    """One for all tests of a module that leave the page ready for more: opening it, in software,
+    takes longer than most of them."""
+    with visits(browser, site) as visit:
+        visitor = visit(**DESKTOP)
+        expect(visitor.at("#sample-list img")).to_have_count(len(sample_paths()))
+        yield visitor
 
 
 @pytest.fixture(scope="session")

@@ -2,14 +2,13 @@
 
 from collections.abc import Callable
 
-import pytest
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import expect
 
 from meshconv3d.model import samples
 from tests.articulated import sample_paths
 from tests.processes import until
-from tests.service.page.conftest import Visitor
+from tests.service.page.conftest import DESKTOP, Visitor
 from tests.service.page.pixels import changed, pixels
 
 SAMPLES = sample_paths()
@@ -18,9 +17,10 @@ PHONE = {"viewport": {"width": 390, "height": 844}, "has_touch": True, "is_mobil
 POINTS = {"name": "points.obj", "mimeType": "", "buffer": b"v 0 0 0\nv 1 0 0\n"}
 
 
-def faults(visitor: Visitor) -> list[str]:
-    """What axe-core finds that keeps people out, or nearly."""
-    found = Axe().run(visitor.page).response["violations"]
+def faults(visitor: Visitor, *rules: str) -> list[str]:
+    """What axe-core finds that keeps people out, or nearly; of some of its rules alone, if any."""
+    options = {"runOnly": list(rules)} if rules else None
+    found = Axe().run(visitor.page, options=options).response["violations"]
     return [
         f"{fault['id']}: {node['html']}"
         for fault in found
@@ -29,22 +29,26 @@ def faults(visitor: Visitor) -> list[str]:
     ]
 
 
-@pytest.mark.parametrize(
-    "options",
-    [{"color_scheme": "light"}, {"color_scheme": "dark"}, PHONE],
-    ids=["light", "dark", "phone"],
-)
-def test_axe_finds_no_serious_fault(visit: Callable[..., Visitor], options: dict) -> None:
-    visitor = visit(**options)
+def faults_of_both_schemes(visitor: Visitor) -> list[str]:
+    """Those on a light ground, and of the colours on a dark one."""
+    found = faults(visitor)
+    visitor.page.emulate_media(color_scheme="dark", reduced_motion="reduce")
+    found += faults(visitor, "color-contrast")
+    visitor.page.emulate_media(color_scheme="light", reduced_motion="reduce")
+    return found
+
+
+def test_axe_finds_no_serious_fault(visit: Callable[..., Visitor]) -> None:
+    visitor = visit(color_scheme="light")
     expect(visitor.at("#sample-list img")).to_have_count(len(SHOWN))
-    assert faults(visitor) == []
+    assert faults_of_both_schemes(visitor) == []
     visitor.give(SAMPLES["octopus"], SAMPLES["ants"])
     expect(visitor.at("#entries .card.done")).to_have_count(2)
     visitor.explain("octopus")
-    assert faults(visitor) == []
+    assert faults_of_both_schemes(visitor) == []
     visitor.give(POINTS)
     expect(visitor.at(".verdict.failed")).to_be_visible()
-    assert faults(visitor) == []
+    assert faults_of_both_schemes(visitor) == []
 
 
 def press_until(visitor: Visitor, selector: str) -> None:
@@ -57,7 +61,8 @@ def press_until(visitor: Visitor, selector: str) -> None:
     raise AssertionError(f"Tab does not lead to {selector}")
 
 
-def test_everything_by_keyboard(visitor: Visitor) -> None:
+def test_everything_by_keyboard(visit: Callable[..., Visitor]) -> None:
+    visitor = visit(**DESKTOP)
     expect(visitor.at("#sample-list img")).to_have_count(len(SHOWN))
     press_until(visitor, "#sample-list li:nth-child(4) button")
     visitor.page.keyboard.press("Enter")
@@ -102,7 +107,9 @@ def test_what_happens_is_announced(visitor: Visitor) -> None:
     expect(visitor.at("#view")).to_have_attribute("aria-label", label)
 
 
-def test_a_phone_shows_all_without_scrolling_sideways(visit: Callable[..., Visitor]) -> None:
+def test_a_phone_shows_all_without_scrolling_sideways_or_fault(
+    visit: Callable[..., Visitor],
+) -> None:
     visitor = visit(**PHONE)
     expect(visitor.at("#sample-list img")).to_have_count(len(SHOWN))
     width = "document.documentElement.scrollWidth"
@@ -116,3 +123,4 @@ def test_a_phone_shows_all_without_scrolling_sideways(visit: Callable[..., Visit
     header = visitor.at("header").bounding_box()
     assert header
     assert header["height"] < 80  # one row
+    assert faults(visitor) == []

@@ -4,6 +4,7 @@ import base64
 import json
 from collections.abc import Callable
 from pathlib import Path
+from typing import Literal
 
 import httpx
 import pytest
@@ -14,7 +15,8 @@ from meshconv3d.model.loading import load_mesh
 from tests.articulated import sample_paths
 from tests.model.loading.loading_builders import archive
 from tests.processes import until
-from tests.service.page.conftest import SOFTWARE, Visitor
+from tests.service.conftest import Service
+from tests.service.page.conftest import DESKTOP, SOFTWARE, Visitor
 from tests.service.page.pixels import blue, changed, orange, pixels
 
 SAMPLES = sample_paths()
@@ -28,8 +30,9 @@ NOTE_VERDICTS = """
 """
 
 
-def test_a_file_of_every_format_is_drawn_and_classified(visitor: Visitor) -> None:
+def test_a_file_of_every_format_is_drawn_and_classified(visit: Callable[..., Visitor]) -> None:
     """As the service classifies it; several files are a gallery, with a picture of each."""
+    visitor = visit(**DESKTOP)
     names = ["ants", "hand", "octopus", "pliers", "snake", "spiders"]
     paths = [SAMPLES[name] for name in names]
     assert {path.suffix for path in paths} == {".obj", ".stl", ".off", ".glb", ".3mf", ".ply"}
@@ -70,8 +73,9 @@ def test_gltf_with_its_buffers_inside(visitor: Visitor) -> None:
     expect(visitor.at(".verdict")).to_have_text("two balls")
 
 
-def test_an_archive_of_meshes_is_a_gallery(visitor: Visitor) -> None:
+def test_an_archive_of_meshes_is_a_gallery(visit: Callable[..., Visitor]) -> None:
     """Each mesh inside is an entry, with its pieces; hidden files and others are none."""
+    visitor = visit(**DESKTOP)
     gltf, buffer = gltf_in_pieces("data/balls.bin")
     lamp = SAMPLES["lamp"].read_bytes()
     files = {
@@ -174,10 +178,12 @@ def test_meshes_of_the_library_that_are_like_it(visitor: Visitor) -> None:
 
 def test_samples_are_a_click_away(visitor: Visitor) -> None:
     expect(visitor.at("#sample-list img")).to_have_count(len(SHOWN))
+    visitor.forget()
     visitor.at("#sample-list .card").filter(has_text="mushroom").click()
     visitor.classified()
     visitor.drawn()
     expect(visitor.at(".file-name")).to_have_text("mushroom.glb")
+    expect(visitor.at("#key")).to_be_hidden()  # this service asks for none
 
 
 def test_what_can_be_taken_along(visitor: Visitor, tmp_path: Path) -> None:
@@ -197,17 +203,15 @@ def test_what_can_be_taken_along(visitor: Visitor, tmp_path: Path) -> None:
             assert len(load_mesh(path).faces) == 500
 
 
-def test_another_model_is_asked(visitor: Visitor) -> None:
+def test_another_model_is_asked(visit: Callable[..., Visitor]) -> None:
+    visitor = visit(**DESKTOP)
     visitor.give(SAMPLES["lamp"])
     visitor.classified()
     visitor.at("#model").select_option("tiny")
     expect(visitor.at(".confidence")).to_contain_text("tiny")
     expect(visitor.at(".bars li")).to_have_count(3)
-
-
-def test_a_model_that_cannot_explain_says_so(visitor: Visitor) -> None:
+    # One that cannot explain says so.
     visitor.at("#model").select_option("learned")
-    visitor.give(SAMPLES["lamp"])
     expect(visitor.at("#result")).to_contain_text("cannot show its evidence")
     expect(visitor.at(".bars button")).to_have_count(0)
     expect(visitor.at(".downloads button")).to_have_text(["JSON"])
@@ -232,11 +236,14 @@ def test_errors_in_clear_words(visitor: Visitor, file: dict, title: str, reason:
     expect(visitor.at("#view-note")).to_have_text("There is nothing to draw")
 
 
-def test_a_file_that_is_too_large_is_not_sent(visitor: Visitor) -> None:
-    visitor.give({"name": "big.stl", "mimeType": "", "buffer": b"\0" * 17_000_000})
+def test_a_file_that_is_too_large_is_not_sent(visitor: Visitor, tmp_path: Path) -> None:
+    path = tmp_path / "big.stl"
+    path.write_bytes(b"\0" * 17_000_000)
+    before = len(visitor.asked)
+    visitor.give(path)
     expect(visitor.at(".verdict.failed")).to_have_text("This file is too large")
     expect(visitor.at("#result .reason")).to_contain_text("It has 17 MB; the service takes 16 MB.")
-    assert not any("classify" in url for url in visitor.asked)
+    assert not any("classify" in url for url in visitor.asked[before:])
 
 
 def test_a_service_that_is_gone_can_be_asked_again(visitor: Visitor) -> None:
@@ -248,7 +255,9 @@ def test_a_service_that_is_gone_can_be_asked_again(visitor: Visitor) -> None:
     expect(visitor.at(".verdict")).to_have_text("lamp")
 
 
-def test_a_slow_upload_shows_how_far_it_is(visitor: Visitor, large_file: Path) -> None:
+def test_a_file_of_200_000_faces(visitor: Visitor, large_file: Path) -> None:
+    """Its upload shows how far it is. It is drawn with fewer, read beside the page, which goes on
+    answering; evidence, too."""
     session = visitor.page.context.new_cdp_session(visitor.page)
     slow = {"offline": False, "latency": 0, "downloadThroughput": -1, "uploadThroughput": 3e6}
     session.send("Network.emulateNetworkConditions", slow)
@@ -257,16 +266,11 @@ def test_a_slow_upload_shows_how_far_it_is(visitor: Visitor, large_file: Path) -
     assert 0 <= float(visitor.at("progress").get_attribute("value") or -1) < 1
     # What comes after it may be over too soon to be met by looking now and then.
     visitor.page.evaluate(NOTE_VERDICTS)
-    visitor.classified()
-    assert "Looking at it …" in visitor.page.evaluate("verdicts")
-
-
-def test_a_file_of_200_000_faces(visitor: Visitor, large_file: Path) -> None:
-    """Drawn with fewer, read beside the page, which goes on answering; evidence, too."""
-    visitor.give(large_file)
     visitor.drawn()
     expect(visitor.at("#view-note")).to_contain_text("of 200\u202f000 faces")
     visitor.classified()
+    assert "Looking at it …" in visitor.page.evaluate("verdicts")
+    session.send("Network.emulateNetworkConditions", slow | {"uploadThroughput": -1})
     expect(visitor.at("#result")).to_contain_text("200\u202f000 faces, simplified to 500")
     view = visitor.at("#view")
     before = pixels(view)
@@ -297,6 +301,7 @@ def test_dropped_files(visitor: Visitor) -> None:
         }""",
         content,
     )
+    visitor.forget()
     visitor.page.dispatch_event("body", "dragover", {"dataTransfer": transfer})
     expect(visitor.at("#drop-hint")).to_be_visible()
     visitor.page.dispatch_event("body", "drop", {"dataTransfer": transfer})
@@ -305,14 +310,14 @@ def test_dropped_files(visitor: Visitor) -> None:
 
 
 def test_without_webgl_there_is_still_a_result(
-    chromium: tuple[Playwright, str], visitor: Visitor
+    chromium: tuple[Playwright, str], site: Service
 ) -> None:
     playwright, program = chromium
     browser = playwright.chromium.launch(
         executable_path=program, args=[*SOFTWARE, "--disable-3d-apis"]
     )
     page = browser.new_page()
-    page.goto(visitor.site.url)
+    page.goto(site.url)
     page.locator("#files").set_input_files(SAMPLES["lamp"])
     expect(page.locator(".verdict")).to_have_text("lamp")
     expect(page.locator("#view-note")).to_contain_text("WebGL is off")
@@ -320,6 +325,7 @@ def test_without_webgl_there_is_still_a_result(
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_its_colours_follow_the_system(visit: Callable[..., Visitor], scheme: str) -> None:
-    ground = pixels(visit(color_scheme=scheme).at("header")).mean()
+def test_its_colours_follow_the_system(visitor: Visitor, scheme: Literal["light", "dark"]) -> None:
+    visitor.page.emulate_media(color_scheme=scheme, reduced_motion="reduce")
+    ground = pixels(visitor.at("header")).mean()
     assert (ground > 128) == (scheme == "light")

@@ -21,9 +21,8 @@ def guarded(start: Callable[..., Service]) -> Service:
     return start("--workers", "1", "--model", "shrec11", "--api-key", KEY, alone=True)
 
 
-@pytest.fixture
-def stranger(browser: Browser, guarded: Service) -> Iterator[Visitor]:
-    """Somebody who has just opened the page, and has shown no key."""
+@pytest.fixture(scope="module")
+def window(browser: Browser, guarded: Service) -> Iterator[Visitor]:
     context = browser.new_context(reduced_motion="reduce")
     visitor = Visitor(context.new_page(), guarded)
     visitor.page.on("pageerror", lambda error: visitor.errors.append(str(error)))
@@ -31,6 +30,14 @@ def stranger(browser: Browser, guarded: Service) -> Iterator[Visitor]:
     yield visitor
     context.close()
     assert visitor.errors == []
+
+
+@pytest.fixture
+def stranger(window: Visitor) -> Visitor:
+    """Somebody who has just opened the page, and has shown no key."""
+    window.page.evaluate("sessionStorage.clear()")
+    window.page.reload()
+    return window
 
 
 def show(visitor: Visitor, key: str) -> None:
@@ -77,8 +84,3 @@ def test_a_key_that_is_taken_back_is_asked_for_anew(stranger: Visitor) -> None:
     show(stranger, KEY)
     stranger.classified()
     expect(stranger.at("#key")).to_be_hidden()
-
-
-def test_a_service_without_keys_asks_for_none(visitor: Visitor) -> None:
-    expect(visitor.at("#sample-list img")).to_have_count(len(SHOWN))
-    expect(visitor.at("#key")).to_be_hidden()
