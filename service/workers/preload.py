@@ -7,9 +7,13 @@ import sys
 from pickle import UnpicklingError
 from types import TracebackType
 
+import numpy as np
+
 import meshconv3d.service.workers.tasks  # noqa: F401 (loading it is the purpose)
+from meshconv3d.model.attribution import onto_file
 from meshconv3d.model.config import NetworkConfig
 from meshconv3d.model.loading import load_mesh, warm_up
+from meshconv3d.model.mesh import Mesh
 from meshconv3d.model.preparation import prepare
 from meshconv3d.model.samples import sample_paths
 from meshconv3d.model.topology.inputs import mesh_inputs
@@ -41,9 +45,14 @@ def _end_with_service(*_: object) -> None:
 signal.signal(signal.SIGALRM, _end_with_service)
 signal.setitimer(signal.ITIMER_REAL, LOOK_SECONDS, LOOK_SECONDS)
 warm_up()
-# Between them, the samples take every path: all formats, too many faces and too few.
+# Between them, the samples take every path but one: all formats, too many faces and too few.
 _config = NetworkConfig(classes=("this", "that"), integral_invariants=True)
 for _path in sample_paths().values():
-    mesh_inputs(prepare(load_mesh(_path), _config.face_budget)[0], _config)
+    _mesh = load_mesh(_path)
+    _prepared, _ = prepare(_mesh, _config.face_budget)
+    mesh_inputs(_prepared, _config)
+# More parts than faces: of two loose triangles, one is kept.
+prepare(Mesh(np.arange(18.0).reshape(6, 3) ** 2, np.arange(6).reshape(2, 3)), 1)
+onto_file(np.ones(len(_prepared.faces)), _prepared, _mesh)  # for explanations
 signal.setitimer(signal.ITIMER_REAL, 0)
 signal.signal(signal.SIGALRM, signal.SIG_DFL)

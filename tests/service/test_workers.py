@@ -6,6 +6,8 @@ import errno
 import gc
 import os
 import signal
+import subprocess
+import sys
 import time
 import weakref
 from collections.abc import Iterator
@@ -30,6 +32,7 @@ from meshconv3d.service.workers import (
     WorkerPool,
 )
 from meshconv3d.service.workers.limits import KEPT_BYTES
+from tests.commands import environment
 from tests.processes import held, until, workers
 
 MEMORY = 2**30
@@ -250,3 +253,36 @@ def test_a_worker_that_is_gone_as_it_starts_is_told(
     monkeypatch.setattr(ForkServerProcess, "start", start)
     with pytest.raises(NotStarted, match="a worker process does not start"):
         WorkerPool(setup(ModelFile.read(str(model_file))), workers=1).start()
+
+
+# Prints the kernels that importing `preload` leaves uncompiled: no compiled kernel calls them,
+# directly or through others.
+UNCOMPILED = """
+import sys
+import meshconv3d.service.workers.preload
+from numba.core.dispatcher import Dispatcher
+
+kernels = {
+    each
+    for module in list(sys.modules.values())
+    if module.__name__.startswith("meshconv3d.")
+    for each in vars(module).values()
+    if isinstance(each, Dispatcher)
+}
+reached = {kernel for kernel in kernels if kernel.signatures}
+new = reached
+while new:
+    functions = [each.py_func for each in new]
+    used = [f.__globals__.get(name) for f in functions for name in f.__code__.co_names]
+    new = {each for each in used if isinstance(each, Dispatcher)} - reached
+    reached |= new
+assert len(reached) > 50
+print(*sorted(kernel.__name__ for kernel in kernels - reached))
+"""
+
+
+def test_a_worker_begins_with_all_kernels_compiled() -> None:
+    """Nobody's first mesh waits for the compiler, which takes seconds for a kernel."""
+    command = [sys.executable, "-c", UNCOMPILED]
+    left = subprocess.run(command, capture_output=True, text=True, check=True, env=environment())
+    assert left.stdout.split() == []
