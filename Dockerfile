@@ -10,7 +10,9 @@ COPY export export
 COPY service service
 COPY meshconv3d meshconv3d
 ARG EXTRAS=""
-RUN pip --python /opt/meshconv3d/bin/python install --no-cache-dir ".${EXTRAS:+[$EXTRAS]}"
+# Without the libraries' own tests.
+RUN pip --python /opt/meshconv3d/bin/python install --no-cache-dir ".${EXTRAS:+[$EXTRAS]}" && \
+    find /opt/meshconv3d -type d -name tests -prune -exec rm -r {} +
 
 FROM python:3.12-slim
 RUN useradd --system --uid 10001 --no-create-home meshconv3d

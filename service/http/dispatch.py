@@ -62,7 +62,7 @@ class Dispatcher:
         """
         share = admitted(request)
         share.enter(len(tasks))
-        context_of(request).hashes += [await _shortened_hash(task.content) for task in tasks]
+        context_of(request).hashes += await _shortened_hashes([task.content for task in tasks])
         share.jobs += [self.pool.submit(task, share.expires) for task in tasks]
         return share.jobs
 
@@ -112,9 +112,11 @@ async def _result(request: Request, job: Job) -> Prediction | Exception:
         return error.with_traceback(None)  # which holds this frame, and that the uploaded bytes
 
 
-async def _shortened_hash(content: bytes) -> str:
-    if len(content) > MANY_BYTES:
-        digest = await asyncio.to_thread(hashlib.sha256, content)
-    else:
-        digest = hashlib.sha256(content)
-    return digest.hexdigest()[:HASH_DIGITS]
+async def _shortened_hashes(contents: Sequence[bytes]) -> list[str]:
+    if sum(map(len, contents)) > MANY_BYTES:
+        return await asyncio.to_thread(_hashes, contents)
+    return _hashes(contents)
+
+
+def _hashes(contents: Sequence[bytes]) -> list[str]:
+    return [hashlib.sha256(content).hexdigest()[:HASH_DIGITS] for content in contents]

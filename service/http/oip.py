@@ -29,6 +29,9 @@ from meshconv3d.service.models import ModelInfo
 from meshconv3d.service.prediction import Prediction
 from meshconv3d.service.workers import Task
 
+# Of a longer name, only so many bytes at its end are looked at: they have its extension.
+MAX_NAME_BYTES = 256
+
 INPUTS = ({"name": "mesh", "datatype": "BYTES"}, {"name": "name", "datatype": "BYTES"})
 
 
@@ -121,7 +124,7 @@ def _tasks(model: str, tensors: Mapping[str, Sequence[bytes]]) -> list[Task]:
     if len(declared) != len(contents):
         raise malformed(f"{len(contents)} meshes come with {len(declared)} names")
     return [
-        Task(model, content, None, _declared(name.decode(errors="replace")))
+        Task(model, content, None, _declared(name[-MAX_NAME_BYTES:].decode(errors="replace")))
         for content, name in zip(contents, declared, strict=True)
     ]
 

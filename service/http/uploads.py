@@ -45,8 +45,10 @@ OPAQUE_TYPES = {
 MAX_OTHER_PARTS = 10
 # Longest header of a part: a name of 255 bytes has 765 in percent encoding.
 MAX_HEADER_BYTES = 2048
+# Parameters of one such header.
 MAX_PARAMETERS = 16
-PIECE_BYTES = 64 * 1024
+# Bytes of a form that are parsed in one turn of the event loop.
+PIECE_BYTES = 16 * 1024
 # Files of a form beside its meshes: buffers, pictures, materials.
 MAX_PIECES = 100
 # Files that one of its meshes may name, pictures included.
@@ -306,7 +308,7 @@ def _media_type(request: Request) -> str:
 
 async def _read_form(request: Request, settings: Settings, most: int) -> list[Upload]:
     """The files in the fields `file` of a form, of which `most` may be meshes; at least one."""
-    _, options = parse_options_header(request.headers["content-type"])
+    options = _options(request.headers["content-type"].encode("latin-1"), "the content type")
     _check_charset(options.get(b"charset", b"utf-8"))
     boundary = options.get(b"boundary", b"")
     if not 0 < len(boundary) <= MAX_BOUNDARY:
@@ -369,9 +371,7 @@ class _Form:
         self._field, self._value = b"", b""
 
     def _end_headers(self) -> None:
-        if self._disposition.count(b";") > MAX_PARAMETERS:
-            raise _bad_form(f"a part's disposition has more than {MAX_PARAMETERS} parameters")
-        _, options = parse_options_header(self._disposition)
+        options = _options(self._disposition, "the disposition of a part")
         name = _extended_name(self._disposition)
         if name is None and b"filename" in options:
             name = options[b"filename"].decode(errors="replace")
@@ -392,6 +392,13 @@ class _Form:
 
     def _end(self) -> None:
         self.complete = True
+
+
+def _options(header: bytes, what: str) -> dict[bytes, bytes]:
+    """The parameters of a header."""
+    if header.count(b";") > MAX_PARAMETERS:
+        raise _bad_form(f"{what} has more than {MAX_PARAMETERS} parameters")
+    return parse_options_header(header)[1]
 
 
 def _extended_name(disposition: bytes) -> str | None:

@@ -33,6 +33,8 @@ from meshconv3d.service.workers import ExplanationOptions, Task, TaskFailed
 log = logging.getLogger(__name__)
 
 JSON_LINES = "application/x-ndjson"
+# Entries of a header Accept that are looked at; browsers send some ten.
+MAX_ACCEPTED = 100
 # The forms of an explanation that are files.
 COLOURED = [FORMS[name].media_type for name in ("glb", "ply")]
 
@@ -208,7 +210,8 @@ def preferred(accept: str, offered: Sequence[str]) -> str | None:
     None if it accepts none of them. An empty header accepts all.
     """
     qualities: dict[str, float] = {}
-    for entry in (accept.strip() or "*/*").lower().replace(" ", "").split(","):
+    entries = (accept.strip() or "*/*").lower().replace(" ", "").split(",", MAX_ACCEPTED)
+    for entry in entries[:MAX_ACCEPTED]:
         media_range, *parameters = entry.split(";")
         quality = next((p[2:] for p in parameters if p.startswith("q=")), "1")
         qualities[media_range] = float(quality) if _NUMBER.fullmatch(quality) else 0.0

@@ -87,6 +87,7 @@ REQUESTS: dict[str, Callable[[], bytes]] = {
     "an encoded name": lambda: form(PART + b"; filename*=utf-8''" + b"%ff" * MANY + b"\r\n\r\nv"),
     "what precedes a form": lambda: form(b"\r\n" * 2_000_000, PART + b"\r\n\r\nv"),
     "almost a boundary": lambda: form(PART + b"\r\n\r\n" + b"\r\n--" * 1_000_000),
+    "parameters of a form": lambda: form(PART, media_type=FORM + ";" * 15_000),
     "a long boundary": lambda: form(PART, media_type=FORM.replace("b", "b" * 10_000)),
     "archives of many files": lambda: form(
         *[PART.replace(b"obj", b"zip") + b"\r\n\r\n" + full_archive()] * 8
@@ -113,8 +114,17 @@ REQUESTS: dict[str, Callable[[], bytes]] = {
     ),
     "a string of escapes": lambda: tensor(data='["' + r"\n" * 2 * 10**6 + '"]'),
     "many binary elements": lambda: binary(64, bytes(4_000_000)),
+    "long binary elements": lambda: binary(64, (b"\0\0\x0f\0" + bytes(0xF0000)) * 64),
+    "a long name": lambda: infer(
+        b'{"inputs":[{"name":"mesh","shape":[1],"datatype":"BYTES","data":["v"]},'
+        b'{"name":"name","shape":[1],"datatype":"BYTES","data":["%s"]}]}' % (b"a/" * 2_000_000)
+    ),
     "a long query": lambda: request(b"v", "/v1/classify?" + "&a=%20" * 2_500),
     "a long Accept": lambda: request(b"v", "/v1/explain", "accept: " + "a/b;q=0," * 1_900),
+    "commas in Accept": lambda: request(b"v", "/v1/explain", "accept: " + "," * 15_000),
+    "many ranges": lambda: head(
+        "GET /v1/samples/boat.obj", "range: bytes=" + ",".join(f"{i}-" for i in range(2_500))
+    ),
     "many cookies": lambda: head("GET /v1/models", *["cookie: a=b"] * 1_000),
     "a long trace": lambda: head("GET /v1/models", "traceparent: 00-" + "a" * 15_000),
     "many headers": lambda: head("GET /v1/models", *["a: b"] * MANY),
