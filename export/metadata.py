@@ -15,7 +15,7 @@ from meshconv3d.model.config import NetworkConfig, in_one_line
 from meshconv3d.model.errors import Error
 
 PREFIX = "meshconv3d."
-FORMAT_VERSION: Literal[5] = 5
+FORMAT_VERSION: Literal[6] = 6
 NORMALISATION = "surface centroid at the origin, farthest vertex on the unit sphere"
 
 
@@ -53,7 +53,7 @@ class ModelCard:
     space: str
     probe: Probe
     about: str
-    format_version: Literal[5] = FORMAT_VERSION
+    format_version: Literal[6] = FORMAT_VERSION
 
     @model_validator(mode="after")
     def _check(self) -> "ModelCard":

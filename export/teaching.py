@@ -111,13 +111,14 @@ class Examples:
 class Head:
     """Scores, features @ weight.T + bias, and the parameters of `model.nn.feature_space.Novelty`.
 
-    weight: N_c x C. bias: N_c. within: C x C. means: N_c x C.
+    weight: N_c x C. bias: N_c. within: C x C. means: N_c x C. others: N_o x C.
     """
 
     weight: NDArray[np.float32]
     bias: NDArray[np.float32]
     within: NDArray[np.float32]
     means: NDArray[np.float32]
+    others: NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,7 +161,14 @@ class Teacher:
             numpy_helper.to_array(self._tensor(f"novelty.{name}")).astype(np.float64)
             for name in ("centre", "within", "overall")
         )
+        self._others = self._base_others()
         self._session = self._open_features()
+
+    def _base_others(self) -> NDArray[np.float64]:
+        """The base's meshes of no class, whitened, N_o x C; its graph has them if there are any."""
+        if "novelty.others" not in {tensor.name for tensor in self._graph.graph.initializer}:
+            return np.zeros((0, len(self._centre)))
+        return numpy_helper.to_array(self._tensor("novelty.others")).astype(np.float64)
 
     def _tensor(self, name: str) -> onnx.TensorProto:
         """A tensor of the graph by name; it is added if there is none."""
@@ -197,11 +205,13 @@ class Teacher:
         offset = examples.features - self._centre
         base = offset @ self._base_within
         means = _means(base, examples)
-        within = self._base_within @ _whitening(base - means[examples.labels], examples)
+        whitening = _whitening(base - means[examples.labels], examples)
+        within, others = self._base_within @ whitening, self._others @ whitening
         points = offset @ within
         means = _means(points, examples)
         far = np.sum((offset @ self._overall) ** 2, axis=1)
-        return _head(means, within, self._centre), _leave_one_out(points, means, far, examples)
+        head = _head(means, within, others, self._centre)
+        return head, _leave_one_out(points, means, others, far, examples)
 
     def teach(
         self, name: str, examples: Examples, probe: tuple[str, Mesh], by: str | None = None
@@ -216,6 +226,8 @@ class Teacher:
         self._replace(EVIDENCE_WEIGHT, np.ascontiguousarray(head.weight.T))
         self._replace("novelty.within", head.within)
         self._replace("novelty.means", head.means)
+        if len(head.others):
+            self._replace("novelty.others", head.others)
         for output in self._graph.graph.output:
             if output.name in ("scores", "evidence"):
                 output.type.tensor_type.shape.dim[-1].dim_value = len(examples.classes)
@@ -280,23 +292,28 @@ def _whitening(offset: NDArray[np.float64], examples: Examples) -> NDArray[np.fl
 
 
 def _head(
-    means: NDArray[np.float64], within: NDArray[np.float64], centre: NDArray[np.float64]
+    means: NDArray[np.float64],
+    within: NDArray[np.float64],
+    others: NDArray[np.float64],
+    centre: NDArray[np.float64],
 ) -> Head:
     """The head of classes with these whitened means, N_c x C: of equal prior probability."""
     weight = means @ within.T / SCALE
     bias = -np.sum(means**2, axis=1) / 2 / SCALE - weight @ centre
-    return Head(*(each.astype(np.float32) for each in (weight, bias, within, means)))
+    return Head(*(each.astype(np.float32) for each in (weight, bias, within, means, others)))
 
 
 def _leave_one_out(
     points: NDArray[np.float64],
     means: NDArray[np.float64],
+    others: NDArray[np.float64],
     far: NDArray[np.float64],
     examples: Examples,
 ) -> LeftOut:
     """Classify each example by the mean and the covariance of the others.
 
-    points, means: whitened, M x C and N_c x C. far: M, the distances from all classes as one.
+    points, means, others: whitened, M x C, N_c x C and N_o x C. far: M, the distances from all
+    classes as one.
     """
     members = np.flatnonzero(examples.counts[examples.labels] > 1)
     labels, points = examples.labels[members], points[members]
@@ -304,6 +321,7 @@ def _leave_one_out(
     here = np.arange(len(labels))
     offsets = points - means[labels]
     own = means[labels] - offsets / (counts - 1)[:, None]  # the means of the others
+    classes, means = len(means), np.concatenate([means, others])
     squares = _squares(points, means)
     squares[here, labels] = np.sum((points - own) ** 2, axis=1)
     along = np.sum(points * offsets, axis=1)[:, None] - offsets @ means.T
@@ -314,8 +332,11 @@ def _leave_one_out(
     lost = 1 - share * np.sum(offsets**2, axis=1)
     squares += (share / np.maximum(lost, 1e-9))[:, None] * along**2
     squares *= (total - 1) / total
-    scores = (np.sum(points**2, axis=1)[:, None] - squares) / 2 / SCALE
-    return LeftOut(members, labels, scores, squares.min(axis=1) - far[members])
+    scores = (np.sum(points**2, axis=1)[:, None] - squares[:, :classes]) / 2 / SCALE
+    background = far[members]
+    if len(others):
+        background = (background + squares[:, classes:].min(axis=1)) / 2
+    return LeftOut(members, labels, scores, squares[:, :classes].min(axis=1) - background)
 
 
 def _squares(points: NDArray[np.float64], means: NDArray[np.float64]) -> NDArray[np.float64]:

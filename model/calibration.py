@@ -7,8 +7,14 @@ from numpy.typing import NDArray
 from pydantic import ConfigDict, Field
 from pydantic.dataclasses import dataclass
 
-# Share of the validation meshes whose out-of-distribution score is above the threshold.
+# Of the validation meshes, the share that is unknown where there are no others to measure by, and
+# the probability with which a typical one is then known.
 KNOWN_REFUSED = 0.02
+TYPICAL_KNOWN = 0.98
+# Share of meshes of no class among those that people ask for, as far as it is assumed.
+OTHERS_SHARE = 0.2
+# Bounds of the scale, for scores that are all alike or tell nothing.
+LEAST_SCALE, MOST_SCALE = 1e-3, 1e6
 # Keeps a logistic function finite that parts its points perfectly.
 RIDGE = 1e-5
 
@@ -17,8 +23,10 @@ RIDGE = 1e-5
 class Calibration:
     """Calibration of a model, measured on validation meshes.
 
-    temperature: divides the scores before the softmax, so that of answers with probability p a
-    share p is right. novelty_limit: a mesh with a higher out-of-distribution score is unknown.
+    temperature: divides the scores before the softmax, so that of known meshes whose class has
+    probability p a share p is right. novelty_limit, novelty_scale: the probability that a mesh is
+    of one of the classes is a logistic function of its out-of-distribution score, 1/2 at the limit
+    and falling by a factor e in its odds with each scale; a mesh above the limit is unknown.
     meshes: how many it was measured on, varied copies included. same_shape: the factor and the
     constant of a logistic function, from the cosine of two embeddings to the probability that they
     are of one shape; None where there were no varied copies.
@@ -26,14 +34,19 @@ class Calibration:
 
     temperature: Annotated[float, Field(ge=1e-3, le=1e3)]
     novelty_limit: Annotated[float, Field(allow_inf_nan=False)]
+    novelty_scale: Annotated[float, Field(gt=0, allow_inf_nan=False)]
     meshes: int
     same_shape: tuple[float, float] | None = None
+
+    def known_probability(self, novelty: float) -> float:
+        """Probability that a mesh is of one of the classes, from its out-of-distribution score."""
+        return float(_logistic((self.novelty_limit - novelty) / self.novelty_scale))
 
     def same_shape_probability(self, cosines: NDArray) -> NDArray[np.float64]:
         """Probability that two meshes are of one shape, from the cosine of their embeddings."""
         assert self.same_shape is not None
         factor, constant = self.same_shape
-        return 1 / (1 + np.exp(-(factor * cosines.astype(np.float64) + constant)))
+        return _logistic(factor * cosines.astype(np.float64) + constant)
 
     def same_shape_cosine(self, probability: float) -> float:
         """The cosine of two embeddings at which `same_shape_probability` is this."""
@@ -47,11 +60,17 @@ def calibrate(
     novelty: NDArray,
     labels: NDArray[np.int64],
     same_shape: tuple[float, float] | None = None,
+    others: NDArray | None = None,
 ) -> Calibration:
-    """Fit to validation meshes: scores, M x N_c logits; novelty, M; labels, M."""
+    """Fit to validation meshes: scores, M x N_c logits; novelty, M; labels, M.
+
+    others: out-of-distribution scores of meshes of no class, if there are any.
+    """
+    limit, scale = fit_known(novelty, others)
     return Calibration(
         temperature=round(fit_temperature(scores, labels), 4),
-        novelty_limit=round(float(np.quantile(novelty, 1 - KNOWN_REFUSED)), 4),
+        novelty_limit=round(limit, 4),
+        novelty_scale=round(scale, 4),
         meshes=len(labels),
         same_shape=same_shape,
     )
@@ -77,6 +96,25 @@ def fit_temperature(scores: NDArray, labels: NDArray[np.int64]) -> float:
     return float(np.exp((low + high) / 2))
 
 
+def fit_known(known: NDArray, others: NDArray | None = None) -> tuple[float, float]:
+    """`novelty_limit` and `novelty_scale` for out-of-distribution scores of meshes of the classes,
+    and of others, which count OTHERS_SHARE.
+
+    Without others, KNOWN_REFUSED of the known are above the limit.
+    """
+    if others is None or not len(others):
+        middle, limit = np.quantile(known, (0.5, 1 - KNOWN_REFUSED))
+        odds = TYPICAL_KNOWN / (1 - TYPICAL_KNOWN)
+        return float(limit), float(max((limit - middle) / np.log(odds), LEAST_SCALE))
+    points = np.concatenate([known, others]).astype(np.float64)
+    centre, spread = points.mean(), max(points.std(), LEAST_SCALE)
+    targets = np.arange(len(points)) < len(known)
+    weights = np.where(targets, (1 - OTHERS_SHARE) / len(known), OTHERS_SHARE / len(others))
+    factor, constant = _fit_logistic((points - centre) / spread, targets, weights)
+    scale = spread / max(-factor, spread / MOST_SCALE)
+    return float(centre + constant * scale), float(scale)
+
+
 def fit_same_shape(
     embeddings: NDArray[np.float32], meshes: NDArray[np.int64]
 ) -> tuple[float, float] | None:
@@ -95,15 +133,28 @@ def fit_same_shape(
     points = np.concatenate([same, other])
     targets = np.concatenate([np.ones(len(same)), np.zeros(len(other))])
     weights = np.where(targets == 1, 0.5 / len(same), 0.5 / len(other))
+    factor, constant = _fit_logistic(points, targets, weights)
+    return round(factor, 4), round(constant, 4)
+
+
+def _logistic(values: NDArray | float) -> NDArray[np.float64]:
+    return 1 / (1 + np.exp(-np.clip(values, -700, 700)))
+
+
+def _fit_logistic(points: NDArray, targets: NDArray, weights: NDArray) -> tuple[float, float]:
+    """Factor and constant of the logistic function of the highest likelihood.
+
+    points, targets (0 or 1) and weights: N each.
+    """
     columns = np.stack([points, np.ones_like(points)], axis=1)
     fitted = np.zeros(2)
     for _ in range(50):  # Newton's method; the loss is convex
-        shares = 1 / (1 + np.exp(-columns @ fitted))
+        shares = _logistic(columns @ fitted)
         slope = columns.T @ (weights * (shares - targets)) + RIDGE * fitted
         curves = weights * shares * (1 - shares)
         bend = (columns * curves[:, None]).T @ columns + RIDGE * np.eye(2)
         fitted = fitted - np.linalg.solve(bend, slope)
-    factor, constant = fitted.round(4).tolist()
+    factor, constant = fitted.tolist()
     return factor, constant
 
 

@@ -88,9 +88,6 @@ class Classifier:
         """limits: of one file; with None, the defaults."""
         self.model = model
         self.limits = limits
-        calibration = model.card.calibration
-        self._temperature = calibration.temperature if calibration else 1.0
-        self._novelty_limit = calibration.novelty_limit if calibration else None
 
     @classmethod
     def load(
@@ -165,13 +162,14 @@ class Classifier:
             scores, novelty, embedding, evidence = run(
                 self.model.session, ["scores", "novelty", "embedding", "evidence"], arrays
             )
+        probabilities, unknown = self._calibrated(scores[0], float(novelty[0]), report)
         prediction = Prediction(
             self.model.id,
             config.classes,
             scores[0],
-            softmax(scores[0] / self._temperature),
+            probabilities,
             float(novelty[0]),
-            self._is_unknown(float(novelty[0]), report),
+            unknown,
             embedding[0],
             self.model.card.space,
             placement.radius,
@@ -181,11 +179,17 @@ class Classifier:
         )
         return Pass(prepared, placement, inputs, evidence, prediction)
 
-    def _is_unknown(self, novelty: float, report: MeshReport) -> bool | None:
-        if self._novelty_limit is None:
-            return None
-        # Of a heap of scraps, too little is left to know it by.
-        return novelty > self._novelty_limit or report.area_kept < AREA_KEPT[0]
+    def _calibrated(
+        self, scores: NDArray[np.float32], novelty: float, report: MeshReport
+    ) -> tuple[NDArray[np.float64], bool | None]:
+        """Probabilities of the classes, N_c float64, and whether the mesh is unknown."""
+        calibration = self.model.card.calibration
+        if calibration is None:
+            return softmax(scores), None
+        known = calibration.known_probability(novelty)
+        if report.area_kept < AREA_KEPT[0]:  # of a heap of scraps, too little is left to know it by
+            known *= report.area_kept / AREA_KEPT[0] / 2
+        return known * softmax(scores / calibration.temperature), known < 0.5
 
     def classify_many(self, meshes: Iterable[MeshSource]) -> Iterator[Prediction | MeshError]:
         """Classify meshes, each as `classify` takes it; yields for each its prediction or error."""

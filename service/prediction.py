@@ -35,6 +35,7 @@ class Prediction:
     """Class of one mesh.
 
     - `label`: name of the likeliest class. `probability`: its calibrated probability.
+      `probabilities`: together, that of being of one of the classes.
     - `unknown`: whether the mesh is unlike every class, or left with less than 15 % of its area by
       simplification, so that `label` is only the nearest; None if the model cannot tell.
     - `novelty`: out-of-distribution score, which `unknown` compares with the model's limit.

@@ -32,7 +32,8 @@ def untrained(config: NetworkConfig, seed: int = 0) -> Network:
     network.classify.weight.data *= 10
     classes = len(config.classes)
     features = torch.randn(20 * classes, network.classify.in_features)
-    network.novelty.fit(features, torch.arange(20 * classes) % classes)
+    others = 3 * torch.randn(4, network.classify.in_features)
+    network.novelty.fit(features, torch.arange(20 * classes) % classes, others)
     network.embedding.fit(features, torch.arange(20 * classes) // 2)
     meshes = [torus(), sheet(), cube(), icosphere(2)]
     batch = collate([mesh_inputs(mesh, config) for mesh in meshes])

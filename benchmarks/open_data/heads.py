@@ -3,12 +3,17 @@
 CHECKPOINT is a network that was trained on the classes of both sets at once, objects and parts;
 DATA is what `python -m benchmarks.open_data` laid out. A model is that network with the rows of its
 classifier that score one set's classes, so that both models have one embedding. Out-of-distribution
-score and calibration are measured on the set's own meshes. Writes OUT/objects.safetensors and
-OUT/parts.safetensors, and prints their accuracy on meshes to test on, which chose nothing.
+score and calibration are measured on the set's own meshes, on shapes of no class, and on the other
+set's validation meshes, which are of no class either. Writes OUT/objects.safetensors and
+OUT/parts.safetensors, and prints their accuracy on meshes to test on, which chose nothing; how well
+they tell test meshes from those of classes that were left out, and from shapes made anew, is the
+area under the curve.
 """
 
 import argparse
 import logging
+from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path
@@ -17,10 +22,17 @@ import numpy as np
 import torch
 
 from benchmarks.open_data.curation import SETS
+from benchmarks.shapes import make_shapes
+from benchmarks.unknown import area_under_curve
 from meshconv3d.model.datasets import Sample, class_names, list_samples
+from meshconv3d.model.errors import MeshError
+from meshconv3d.model.loading import load_mesh
+from meshconv3d.model.mesh import Mesh
 from meshconv3d.model.metrics import is_among_top
 from meshconv3d.model.nn.checkpoint import Checkpoint, load_checkpoint, save_checkpoint
 from meshconv3d.model.nn.network import Network
+from meshconv3d.model.preparation import prepare
+from meshconv3d.model.topology.inputs import mesh_inputs
 from meshconv3d.model.training.evaluation import (
     calibrate_network,
     labels_of,
@@ -28,10 +40,12 @@ from meshconv3d.model.training.evaluation import (
     pooled_features,
     predict,
 )
-from meshconv3d.model.training.meshes import LoadedSamples, load_samples
+from meshconv3d.model.training.meshes import LabelledMesh, LoadedSamples, load_samples
 
 # Varied copies of each mesh.
 COPIES = {"train": 3, "val": 5}
+# Shapes of no class, of each kind, and their seeds.
+SHAPES = {"train": (8, 2), "val": (5, 3), "test": (5, 1)}
 # Tables of DATA beside that of a set: further meshes of its classes to test on.
 TESTED = {"objects": ("authors",), "parts": ("collected",)}
 
@@ -59,11 +73,20 @@ def main() -> None:
     pooled = {name: pooled_features(trained.network, s) for name, s in training.items()}
     everything = LoadedSamples(list(chain.from_iterable(s.versions for s in training.values())), 0)
     trained.network.embedding.fit(torch.cat(list(pooled.values())), mesh_numbers(everything))
+    shapes = {split: shapes_of_no_class(trained.network, *SHAPES[split]) for split in SHAPES}
+    others = pooled_features(trained.network, alone(shapes["train"]))
+    vals = {name: [s for s in samples[name] if s.split == "val"] for name in SETS}
     for name, network in networks.items():
         network.embedding.load_state_dict(trained.network.embedding.state_dict())
-        network.novelty.fit(pooled[name], labels_of(training[name]))
-        val = [s for s in samples[name] if s.split == "val"]
-        calibration = calibrate_network(network, load_samples(val, network.config, COPIES["val"]))
+        network.novelty.fit(pooled[name], labels_of(training[name]), others)
+        val = vals[name]
+        [other] = SETS.keys() - {name}
+        strangers = load_samples(vals[other], networks[other].config).meshes
+        calibration = calibrate_network(
+            network,
+            load_samples(val, network.config, COPIES["val"]),
+            [*strangers, *shapes["val"]],
+        )
         counts = {
             split: sum(s.split == split for s in samples[name])
             for split in ("train", "val", "test")
@@ -76,6 +99,11 @@ def main() -> None:
             )
         for part, chosen in parts.items():
             accuracy |= measured(part, network, chosen)
+        held_out = usable(sorted((arguments.data / f"{name}_held_out").glob("*/*")), network)
+        known = load_samples(parts["test"], network.config).meshes
+        for kind, meshes in (("classes", held_out), ("shapes", shapes["test"])):
+            novelty = [predict(network, each).novelty.numpy() for each in (known, meshes)]
+            accuracy[f"unknown_{kind}_auroc"] = round(area_under_curve(*novelty), 5)
         record = trained.training | {
             "data": {"name": SETS[name], "split": f"{name}.csv", **counts},
             "accuracy": accuracy,
@@ -83,6 +111,30 @@ def main() -> None:
         print(name, accuracy, flush=True)
         path = arguments.out / f"{name}.safetensors"
         save_checkpoint(Checkpoint(network, calibration, record), path)
+
+
+def shapes_of_no_class(network: Network, of_each: int, seed: int) -> list[LabelledMesh]:
+    """Shapes of every kind, prepared; their label has no meaning."""
+    return [prepared(shape, network) for shape in make_shapes(of_each, seed)]
+
+
+def usable(paths: Sequence[Path], network: Network) -> list[LabelledMesh]:
+    """The meshes of files, prepared, without those that are refused; labels have no meaning."""
+    found = []
+    for path in paths:
+        with suppress(MeshError):
+            found.append(prepared(load_mesh(path), network))
+    return found
+
+
+def prepared(mesh: Mesh, network: Network) -> LabelledMesh:
+    ready, _ = prepare(mesh, network.config.face_budget)
+    return LabelledMesh(ready, mesh_inputs(ready, network.config), 0)
+
+
+def alone(meshes: Sequence[LabelledMesh]) -> LoadedSamples:
+    """Meshes without varied copies."""
+    return LoadedSamples([[mesh] for mesh in meshes], 0)
 
 
 def table(data: Path, name: str) -> Path:

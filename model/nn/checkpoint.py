@@ -14,7 +14,7 @@ from meshconv3d.model.config import NetworkConfig, in_one_line
 from meshconv3d.model.files import write_whole
 from meshconv3d.model.nn.network import Network
 
-FORMAT_VERSION = 5
+FORMAT_VERSION = 6
 
 
 class CheckpointError(ValueError):
@@ -65,6 +65,7 @@ def load_checkpoint(path: Path) -> Checkpoint:
     try:
         metadata = _Metadata.model_validate(entries)
         network = Network(metadata.config)
+        network.novelty.make_room(len(tensors.get("novelty.others", ())))
         network.load_state_dict(tensors)
         if not all(tensor.isfinite().all() for tensor in tensors.values()):
             raise ValueError("its weights are not all finite numbers; train it again")

@@ -20,7 +20,8 @@ class Novelty(nn.Module):
     A softmax is certain of any point far from all classes; a distance in feature space is not. The
     score is the relative Mahalanobis distance of Ren et al., *A Simple Fix to Mahalanobis Distance
     for Improving Near-OOD Detection* (2021): the distance to the nearest class minus the distance
-    to all classes as one. `benchmarks.unknown` compares it with other scores.
+    to all classes as one. Where meshes of no class were there to measure, the latter is the mean of
+    itself and the distance to the nearest of these. `benchmarks.unknown` compares it with others.
 
     `fit` measures its parameters after training; before that, it is zero.
     """
@@ -29,6 +30,7 @@ class Novelty(nn.Module):
     within: Tensor
     overall: Tensor
     means: Tensor
+    others: Tensor
 
     def __init__(self, channels: int, classes: int) -> None:
         super().__init__()
@@ -37,15 +39,25 @@ class Novelty(nn.Module):
         self.register_buffer("within", torch.zeros(channels, channels))
         self.register_buffer("overall", torch.zeros(channels, channels))
         self.register_buffer("means", torch.zeros(classes, channels))
+        self.make_room(0)
+
+    def make_room(self, others: int) -> None:
+        """Have room for so many meshes of no class."""
+        self.register_buffer("others", self.centre.new_zeros(others, len(self.centre)))
 
     def forward(self, features: Tensor) -> Tensor:
         offset = features - self.centre
-        to_classes = (offset @ self.within)[:, None] - self.means  # B x N_c x C
-        nearest = to_classes.square().sum(dim=2).amin(dim=1)
-        return nearest - (offset @ self.overall).square().sum(dim=1)
+        whitened = offset @ self.within
+        background = (offset @ self.overall).square().sum(dim=1)
+        if len(self.others):
+            background = (background + _nearest(whitened, self.others)) / 2
+        return _nearest(whitened, self.means) - background
 
-    def fit(self, features: Tensor, labels: Tensor) -> None:
-        """Measure means and covariances on the features (M x C) of training meshes."""
+    def fit(self, features: Tensor, labels: Tensor, others: Tensor | None = None) -> None:
+        """Measure means and covariances on the features (M x C) of training meshes.
+
+        others: features of meshes of no class, N_o x C, if there are any.
+        """
         features = features.double()
         self.centre.copy_(features.mean(dim=0))
         offset = features - features.mean(dim=0)
@@ -54,6 +66,9 @@ class Novelty(nn.Module):
         self.within.copy_(within)
         self.overall.copy_(_whitening(offset))
         self.means.copy_(means @ within)
+        if others is not None:
+            self.make_room(len(others))
+            self.others.copy_((others.double() - features.mean(dim=0)) @ within)
 
 
 class Embedding(nn.Module):
@@ -91,6 +106,11 @@ class Embedding(nn.Module):
         between = means @ whitening
         _, axes = torch.linalg.eigh(between.T @ between)
         self.projection.copy_(whitening @ axes.flip(1)[:, : self.projection.shape[1]])
+
+
+def _nearest(points: Tensor, means: Tensor) -> Tensor:
+    """Squared distance of each point, B x C, to the nearest of some others, N x C."""
+    return (points[:, None] - means).square().sum(dim=2).amin(dim=1)
 
 
 def _means(offset: Tensor, groups: Tensor) -> Tensor:

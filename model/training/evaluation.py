@@ -54,8 +54,10 @@ def mesh_numbers(samples: LoadedSamples) -> Tensor:
     return torch.arange(len(counts)).repeat_interleave(counts)
 
 
-def calibrate_network(network: Network, samples: LoadedSamples) -> Calibration:
-    """The calibration on validation meshes, varied copies included."""
+def calibrate_network(
+    network: Network, samples: LoadedSamples, others: Sequence[LabelledMesh] = ()
+) -> Calibration:
+    """The calibration on validation meshes, varied copies included, and on meshes of no class."""
     meshes = list(chain.from_iterable(samples.versions))
     outputs = predict(network, meshes)
     return calibrate(
@@ -63,6 +65,7 @@ def calibrate_network(network: Network, samples: LoadedSamples) -> Calibration:
         outputs.novelty.numpy(),
         labels_of(samples).numpy(),
         fit_same_shape(outputs.embedding.numpy(), mesh_numbers(samples).numpy()),
+        predict(network, others).novelty.numpy() if others else None,
     )
 
 

@@ -24,7 +24,7 @@ CARD = ModelCard(
     training={"data": {"name": "SHREC11", "train": 480}, "seed": 3, "lr": 1e-3},
     accuracy={"test": 0.98, "protocol": "16 of 20"},
     parity={"scores": 2.5e-7, "meshes": 10},
-    calibration=Calibration(temperature=1.5, novelty_limit=-3.25, meshes=360),
+    calibration=Calibration(temperature=1.5, novelty_limit=-3.25, novelty_scale=1.0, meshes=360),
     space="any",
     probe=Probe("ants", (1.5, -2.25, 0.0)),
     about="# Things\n",
@@ -61,8 +61,8 @@ def test_a_newer_version_is_told_whatever_else_it_holds() -> None:
 
 
 def test_an_older_version_is_refused() -> None:
-    properties = CARD.to_properties() | {PREFIX + "format_version": "4"}
-    with pytest.raises(ModelFileError, match=r"format 4, .* format 5: train and export"):
+    properties = CARD.to_properties() | {PREFIX + "format_version": "5"}
+    with pytest.raises(ModelFileError, match=r"format 5, .* format 6: train and export"):
         read_card(properties)
 
 
@@ -89,8 +89,14 @@ def test_every_entry_is_needed(missing: str) -> None:
         ("accuracy", "[" * 200_000),
         ("accuracy", '{"a":' * 500 + "1" + "}" * 500),
         ("name", '"\\ud800"'),
-        ("calibration", '{"temperature": 1e-320, "novelty_limit": 1.0, "meshes": 9}'),
-        ("calibration", '{"temperature": 1.0, "novelty_limit": 1e999, "meshes": 9}'),
+        (
+            "calibration",
+            '{"temperature": 1e-320, "novelty_limit": 1.0, "novelty_scale": 1.0, "meshes": 9}',
+        ),
+        (
+            "calibration",
+            '{"temperature": 1.0, "novelty_limit": 1e999, "novelty_scale": 1.0, "meshes": 9}',
+        ),
         ("config", '{"classes": ["a"], "face_budget": 1000000000}'),
         ("probe", '"text"'),
         ("probe", '{"sample": "ants"}'),

@@ -5,8 +5,11 @@ import pytest
 
 from meshconv3d.model.calibration import (
     KNOWN_REFUSED,
+    OTHERS_SHARE,
+    TYPICAL_KNOWN,
     Calibration,
     calibrate,
+    fit_known,
     fit_temperature,
     softmax,
 )
@@ -36,11 +39,33 @@ def test_few_known_meshes_lie_above_the_limit() -> None:
     calibration = calibrate(scores, novelty, draw(scores, rng))
     assert np.mean(novelty > calibration.novelty_limit) == pytest.approx(KNOWN_REFUSED, abs=2e-3)
     assert calibration.meshes == 1000
+    typical = calibration.known_probability(float(np.median(novelty)))
+    assert typical == pytest.approx(TYPICAL_KNOWN, abs=1e-3)
+    assert calibration.known_probability(calibration.novelty_limit) == 0.5
+
+
+def test_the_probability_of_a_class_is_that_of_bayes() -> None:
+    """Two normal distributions of one variance have log odds that are linear."""
+    rng = np.random.default_rng(0)
+    spread, known, others = 2.0, -3.0, 5.0
+    limit, scale = fit_known(rng.normal(known, spread, 20_000), rng.normal(others, spread, 5_000))
+    exact = spread**2 / (others - known)
+    odds = np.log((1 - OTHERS_SHARE) / OTHERS_SHARE)
+    assert scale == pytest.approx(exact, rel=0.1)
+    assert limit == pytest.approx((known + others) / 2 + exact * odds, abs=0.1)
+
+
+@pytest.mark.parametrize("others", [None, np.full(5, 9.0), np.full(5, -9.0), np.zeros(5)])
+def test_any_scores_have_a_limit(others: np.ndarray | None) -> None:
+    for known in (np.zeros(1), np.zeros(30), np.linspace(-1, 1, 9)):
+        limit, scale = fit_known(known, others)
+        assert np.isfinite(limit)
+        assert 0 < scale < np.inf
 
 
 def test_a_temperature_is_positive() -> None:
     with pytest.raises(ValueError, match="greater than"):
-        Calibration(temperature=0, novelty_limit=1, meshes=1)
+        Calibration(temperature=0, novelty_limit=1, novelty_scale=1.0, meshes=1)
 
 
 def test_softmax_bears_any_logits() -> None:

@@ -36,7 +36,7 @@ def model_with(checkpoint_file: Path, tmp_path_factory: pytest.TempPathFactory) 
 @pytest.fixture(scope="module")
 def strict(model_with: Callable) -> Path:
     """A model to which everything is unknown."""
-    return model_with(Calibration(temperature=2.0, novelty_limit=-1e9, meshes=9))
+    return model_with(Calibration(temperature=2.0, novelty_limit=-1e9, novelty_scale=1.0, meshes=9))
 
 
 def test_the_limit_decides(strict: Path, model_file: Path) -> None:
@@ -44,9 +44,21 @@ def test_the_limit_decides(strict: Path, model_file: Path) -> None:
     assert Classifier.load(str(model_file)).classify(SAMPLE).unknown is False
 
 
-def test_the_temperature_tempers(strict: Path) -> None:
-    result = Classifier.load(str(strict)).classify(SAMPLE)
+def test_the_temperature_tempers(model_file: Path) -> None:
+    result = Classifier.load(str(model_file)).classify(SAMPLE)
     np.testing.assert_allclose(result.probabilities, softmax(result.scores / 2.0))
+
+
+def test_no_class_of_an_unknown_mesh_is_likely(model_with: Callable) -> None:
+    """Probabilities are those of the classes, times that of being of one."""
+    novelty = Classifier.load(str(model_with(None))).classify(SAMPLE).novelty
+    calibration = Calibration(2.0, novelty_limit=novelty - 1, novelty_scale=0.5, meshes=9)
+    result = Classifier.load(str(model_with(calibration))).classify(SAMPLE)
+    assert result.unknown is True
+    assert result.probabilities.sum() == pytest.approx(1 / (1 + np.exp(2)), rel=1e-3)
+    np.testing.assert_allclose(
+        result.probabilities / result.probabilities.sum(), softmax(result.scores / 2.0)
+    )
 
 
 def test_a_model_that_was_not_calibrated_has_no_opinion(model_with: Callable) -> None:

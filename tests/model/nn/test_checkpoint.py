@@ -20,7 +20,7 @@ from meshconv3d.model.nn.checkpoint import (
 )
 from tests.networks import untrained
 
-CALIBRATION = Calibration(temperature=0.7, novelty_limit=12.5, meshes=90)
+CALIBRATION = Calibration(temperature=0.7, novelty_limit=12.5, novelty_scale=1.0, meshes=90)
 
 
 @pytest.fixture

@@ -43,6 +43,18 @@ def test_it_is_the_relative_mahalanobis_distance(fitted: Novelty) -> None:
     assert found == pytest.approx(expected, rel=1e-3, abs=1e-2)
 
 
+def test_the_background_is_half_the_nearest_mesh_of_no_class(fitted: Novelty) -> None:
+    others = torch.tensor([[0, 0, 0, 3.0], [-4.0, -4, 0, 0]])
+    points = torch.randn(20, 4) * 3
+    novelty = Novelty(4, 3)
+    novelty.fit(*clusters(200), others)
+    centred = points - novelty.centre
+    overall = (centred @ novelty.overall).square().sum(dim=1)
+    nearest = torch.cdist(points @ novelty.within, others @ novelty.within).square().amin(dim=1)
+    expected = fitted(points) + overall - (overall + nearest) / 2
+    assert novelty(points).numpy() == pytest.approx(expected.numpy(), rel=1e-3, abs=1e-2)
+
+
 def test_what_is_like_a_class_is_less_novel_than_what_is_not(fitted: Novelty) -> None:
     known, _ = clusters(50, seed=1)
     between = torch.tensor([[2.0, 2.0, 0, 0], [0, 0, 0, 3.0], [4.0, 0, 0, 2.0], [-4.0, -4, 0, 0]])
