@@ -1,7 +1,7 @@
 import { defineConfig } from "vite";
 
-// Into the Python package, from where the service answers; paths are relative, so that it may
-// stand behind any prefix.
+// Into the Python package, from where the service answers: the page, and the API's description.
+// Paths are relative, so that it may stand behind any prefix.
 export default defineConfig({
   base: "./",
   build: {
@@ -9,7 +9,8 @@ export default defineConfig({
     emptyOutDir: true,
     assetsInlineLimit: 0,
     modulePreload: { polyfill: false },
-    chunkSizeWarningLimit: 1000,
+    chunkSizeWarningLimit: 2000,
+    rolldownOptions: { input: ["index.html", "docs.html"] },
   },
   worker: { format: "es" },
 });

@@ -23,7 +23,14 @@ from meshconv3d.model.loading.folders import (
     walk_files,
     walk_meshes,
 )
-from meshconv3d.model.loading.formats import FORMATS, TABLE, Format, detect_format, is_archive
+from meshconv3d.model.loading.formats import (
+    FORMATS,
+    TABLE,
+    Format,
+    FormatRow,
+    detect_format,
+    is_archive,
+)
 from meshconv3d.model.loading.limits import Limits
 from meshconv3d.model.loading.load import load_mesh, warm_up
 
@@ -31,6 +38,7 @@ __all__ = [
     "FORMATS",
     "TABLE",
     "Format",
+    "FormatRow",
     "Limits",
     "MeshArchive",
     "detect_format",

@@ -27,6 +27,18 @@ EXTRA = "formats"
 
 
 @dataclass(frozen=True)
+class FormatRow:
+    """Row of the table of formats for people and programs; see `Format`."""
+
+    format: str
+    extension: str
+    aliases: list[str]
+    media_types: list[str]
+    notes: str
+    missing_extra: str | None
+
+
+@dataclass(frozen=True)
 class Format:
     """One format that is read.
 
@@ -55,16 +67,17 @@ class Format:
         """The extra without which this installation does not read it, if it is one."""
         return EXTRA if self.library and find_spec(self.library) is None else None
 
-    def to_dict(self) -> dict[str, object]:
+    @property
+    def row(self) -> FormatRow:
         """The row of the table."""
-        return {
-            "format": self.title,
-            "extension": self.extension,
-            "aliases": list(self.aliases),
-            "media_types": list(self.media_types),
-            "notes": self.notes,
-            "missing_extra": self.missing_extra,
-        }
+        return FormatRow(
+            format=self.title,
+            extension=self.extension,
+            aliases=list(self.aliases),
+            media_types=list(self.media_types),
+            notes=self.notes,
+            missing_extra=self.missing_extra,
+        )
 
 
 def _no_triangles(*_: object) -> Triangles:

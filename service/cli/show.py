@@ -1,6 +1,7 @@
 """`meshconv3d formats` and `meshconv3d inspect`: what is read, and what a model says of itself."""
 
 import json
+from dataclasses import asdict
 
 import click
 
@@ -17,7 +18,7 @@ def formats(as_json: bool) -> None:
 
     if as_json:
         for known in TABLE.values():
-            click.echo(json.dumps(known.to_dict()))
+            click.echo(json.dumps(asdict(known.row)))
         return
     table = Table("extension", "format", "of it", "media type", box=None, pad_edge=False)
     for known in TABLE.values():

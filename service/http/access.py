@@ -11,9 +11,9 @@ from meshconv3d.service.settings import Settings
 
 # Open to the platform that runs the service: it has no key, and asks by address.
 OPEN_PATHS = frozenset({"/livez", "/readyz", "/v2/health/live", "/v2/health/ready"})
-# Open without a key: a browser opens the page, which then asks for one, and follows its link to the
-# description. Both are the same wherever the service runs.
-PAGE_PATHS = frozenset({"/", "/openapi.json"})
+# Open without a key: a browser opens the page, which then asks for one, and the API's description.
+# They are the same wherever the service runs.
+PAGE_PATHS = frozenset({"/", "/docs", "/openapi.json"})
 ASSETS, METRICS = "/assets/", "/metrics"
 
 _CHALLENGE = 'Bearer realm="meshconv3d"'

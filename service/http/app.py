@@ -18,7 +18,7 @@ from meshconv3d.service.http.admission import Admission, AdmissionMiddleware
 from meshconv3d.service.http.dispatch import Dispatcher
 from meshconv3d.service.http.health import add_health_routes
 from meshconv3d.service.http.oip import add_inference_routes
-from meshconv3d.service.http.openapi import complete
+from meshconv3d.service.http.openapi import complete, operation_id
 from meshconv3d.service.http.problems import install_problem_handlers
 from meshconv3d.service.http.search import add_search_routes
 from meshconv3d.service.http.telemetry import Metrics, TelemetryMiddleware
@@ -104,7 +104,8 @@ class _Routes(FastAPI):
             title="MeshConv3D",
             summary="What is this 3D mesh?",
             version=importlib.metadata.version("meshconv3d"),
-            # These pages would load their scripts from a public server.
+            generate_unique_id_function=operation_id,
+            # These pages would load their scripts from a public server; /docs is our own.
             docs_url=None,
             redoc_url=None,
             redirect_slashes=False,
@@ -131,16 +132,24 @@ class _Routes(FastAPI):
 
 
 def add_page(app: FastAPI) -> None:
-    """Add the page and its assets."""
+    """Add the pages and their assets."""
 
     @app.get("/", include_in_schema=False)
     async def page() -> FileResponse:
-        """The page: never cached, since its name stays while its assets' names change."""
-        return FileResponse(
-            PAGE / "index.html", headers={**PAGE_HEADERS, "cache-control": "no-cache"}
-        )
+        """The page to classify with."""
+        return _page("index.html")
+
+    @app.get("/docs", include_in_schema=False)
+    async def docs() -> FileResponse:
+        """The API to read and to try, of its description."""
+        return _page("docs.html")
 
     app.mount("/assets", _Assets())
+
+
+def _page(name: str) -> FileResponse:
+    """A page: never cached, since its name stays while its assets' names change."""
+    return FileResponse(PAGE / name, headers={**PAGE_HEADERS, "cache-control": "no-cache"})
 
 
 class _Assets(StaticFiles):

@@ -6,7 +6,6 @@ A tensor of n mesh files goes in, tensors of n results come out.
 import importlib.metadata
 from collections.abc import Mapping, Sequence
 from pathlib import PurePath
-from typing import Any
 
 import numpy as np
 from fastapi import FastAPI, Request, Response
@@ -20,6 +19,12 @@ from meshconv3d.service.http.openapi import (
     NOT_READY,
     WORK_ERRORS,
     InferenceAnswer,
+    ModelMetadata,
+    ModelReady,
+    ServerLive,
+    ServerMetadata,
+    ServerReady,
+    TensorMetadata,
     inference_errors,
 )
 from meshconv3d.service.http.problems import RequestError, request_error
@@ -39,29 +44,34 @@ def add_inference_routes(app: FastAPI, dispatcher: Dispatcher) -> None:
     """Add the routes of the protocol."""
 
     @app.get("/v2", responses=inference_errors(401))
-    async def server_metadata() -> dict:
+    async def get_server_metadata() -> ServerMetadata:
         """The server, and the extensions of the protocol that it has."""
         version = importlib.metadata.version("meshconv3d")
-        return {"name": "meshconv3d", "version": version, "extensions": ["binary_tensor_data"]}
+        extensions = ["binary_tensor_data"]
+        return ServerMetadata(name="meshconv3d", version=version, extensions=extensions)
 
     @app.get("/v2/health/live")
-    async def server_live() -> dict:
+    async def get_server_liveness() -> ServerLive:
         """As /livez."""
-        return {"live": True}
+        return ServerLive(live=True)
 
-    @app.get("/v2/health/ready", responses=NOT_READY)
-    async def server_ready() -> JSONResponse:
+    @app.get("/v2/health/ready", response_model=ServerReady, responses=NOT_READY)
+    async def get_server_readiness() -> JSONResponse:
         """As /readyz."""
         ready = dispatcher.ready
         return JSONResponse({"ready": ready}, 200 if ready else 503)
 
     @app.get("/v2/models/{name}", responses=inference_errors(401, 404))
-    async def model_metadata(name: str) -> dict:
+    async def get_model_metadata(name: str) -> ModelMetadata:
         """The tensors of a model; -1 is any number."""
         return _metadata(dispatcher.model(name))
 
-    @app.get("/v2/models/{name}/ready", responses=inference_errors(401, 404) | NOT_READY)
-    async def model_ready(name: str) -> JSONResponse:
+    @app.get(
+        "/v2/models/{name}/ready",
+        response_model=ModelReady,
+        responses=inference_errors(401, 404) | NOT_READY,
+    )
+    async def get_model_readiness(name: str) -> JSONResponse:
         """Whether a model is ready: all are, or none."""
         dispatcher.model(name)
         ready = dispatcher.ready
@@ -100,17 +110,15 @@ def add_inference_routes(app: FastAPI, dispatcher: Dispatcher) -> None:
         return Response(body, headers=headers, media_type="application/octet-stream")
 
 
-def _metadata(model: ModelInfo) -> dict[str, Any]:
+def _metadata(model: ModelInfo) -> ModelMetadata:
     """The metadata of a model: its tensors are those of an empty answer."""
-    outputs = [output.describe() for output in _outputs(model, []).values()]
+    outputs = [TensorMetadata(**output.describe()) for output in _outputs(model, []).values()]
     for output in outputs:
-        output["shape"] = [n or -1 for n in output["shape"]]
-    return {
-        "name": model.card.name,
-        "platform": "meshconv3d",
-        "inputs": [tensor | {"shape": [-1]} for tensor in INPUTS],
-        "outputs": outputs,
-    }
+        output.shape = [n or -1 for n in output.shape]
+    inputs = [TensorMetadata(**tensor, shape=[-1]) for tensor in INPUTS]
+    return ModelMetadata(
+        name=model.card.name, platform="meshconv3d", inputs=inputs, outputs=outputs
+    )
 
 
 def _tasks(model: str, tensors: Mapping[str, Sequence[bytes]]) -> list[Task]:

@@ -37,7 +37,7 @@ STATUSES: dict[type[MeshError], int] = {
 
 # Details of the framework's own errors, in our words.
 DETAILS = {
-    "Not Found": "there is nothing at this path; see /openapi.json for what there is",
+    "Not Found": "there is nothing at this path; see /docs for what there is",
     "Method Not Allowed": "this path takes other methods, which the header Allow names",
 }
 

@@ -44,6 +44,19 @@ class SimilarAnswer(BaseModel):
     similar: list[Alike] = Field(description="most alike first")
 
 
+class LibraryDescription(BaseModel):
+    """The library that is searched: its number of meshes, and the model of their embeddings."""
+
+    meshes: int
+    model: str
+
+
+class LibraryAnswer(BaseModel):
+    """The library of the service; null where it has none."""
+
+    library: LibraryDescription | None
+
+
 def add_search_routes(app: FastAPI, dispatcher: Dispatcher, library: "Library | None") -> None:
     """Add the routes that embed and search. library: None where the service has none."""
 
@@ -53,7 +66,7 @@ def add_search_routes(app: FastAPI, dispatcher: Dispatcher, library: "Library | 
         responses=problem_responses(*WORK_ERRORS),
         openapi_extra=FILE_BODY,
     )
-    async def embed(request: Request, model: ModelName = None) -> Response:
+    async def embed_mesh(request: Request, model: ModelName = None) -> Response:
         """Classify one mesh, and give its embedding, size and chirality."""
         name = dispatcher.model(model).card.name
         upload = await read_upload(request, dispatcher.settings)
@@ -67,7 +80,7 @@ def add_search_routes(app: FastAPI, dispatcher: Dispatcher, library: "Library | 
         responses=problem_responses(*WORK_ERRORS),
         openapi_extra=FILE_BODY,
     )
-    async def similar(request: Request, top: Count = 10) -> Response:
+    async def find_similar(request: Request, top: Count = 10) -> Response:
         """Find the meshes of the service's library that are most like one; the search is exact."""
         if library is None:
             raise RequestError(
@@ -82,11 +95,13 @@ def add_search_routes(app: FastAPI, dispatcher: Dispatcher, library: "Library | 
         return Response(to_json(content), media_type="application/json")
 
     @app.get("/v1/library", responses=problem_responses(401))
-    async def describe_library() -> dict:
-        """The library that is searched: its number of meshes and its model; null without one."""
+    async def describe_library() -> LibraryAnswer:
+        """The library that is searched, if the service has one."""
         if library is None:
-            return {"library": None}
-        return {"library": {"meshes": len(library), "model": library.card.name}}
+            return LibraryAnswer(library=None)
+        return LibraryAnswer(
+            library=LibraryDescription(meshes=len(library), model=library.card.name)
+        )
 
 
 def _matches(library: "Library", prediction: Prediction, top: int) -> list[Alike]:

@@ -43,7 +43,7 @@ class Input(Struct):
     """A BYTES tensor of a request: its data, or the size of its share of the binary data."""
 
     name: Name
-    shape: tuple[int]
+    shape: Annotated[list[int], Meta(min_length=1, max_length=1)]
     datatype: Name
     parameters: InputParameters = field(default_factory=InputParameters)
     data: list[str] = []

@@ -3,15 +3,16 @@
 import logging
 import re
 from collections.abc import AsyncIterator, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Annotated
 
 from fastapi import FastAPI, Query, Request, Response
-from fastapi.responses import FileResponse, StreamingResponse
+from fastapi.responses import FileResponse, JSONResponse, StreamingResponse
+from pydantic import BaseModel
 from starlette.requests import ClientDisconnect
 from starlette.types import Receive, Scope, Send
 
-from meshconv3d.model.loading import FORMATS, TABLE
+from meshconv3d.model.loading import FORMATS, TABLE, FormatRow, Limits
 from meshconv3d.model.samples import sample_paths
 from meshconv3d.service.attribution import FORMS, explained_class
 from meshconv3d.service.attribution.legend import ExplainedAnswer
@@ -23,6 +24,7 @@ from meshconv3d.service.http.openapi import (
     FILES_BODY,
     WORK_ERRORS,
     problem_responses,
+    reference,
 )
 from meshconv3d.service.http.problems import RequestError, request_error
 from meshconv3d.service.http.uploads import Upload, read_upload, read_uploads
@@ -50,6 +52,46 @@ ClassName = Annotated[
 ]
 
 
+class Formats(BaseModel):
+    """The file formats that are known."""
+
+    formats: list[FormatRow]
+
+
+@dataclass(frozen=True, kw_only=True)
+class UploadLimits(Limits):
+    """The most that one upload may hold: its bytes, and what is in its files."""
+
+    upload_bytes: int
+
+
+class SampleFile(BaseModel):
+    """A sample mesh of the package."""
+
+    name: str
+    file: str
+    bytes: int
+
+
+class Samples(BaseModel):
+    """The sample meshes of the package."""
+
+    samples: list[SampleFile]
+
+
+MODEL_SCHEMA = reference("Model")
+MODELS_SCHEMA = {
+    "type": "object",
+    "required": ["models"],
+    "properties": {"models": {"type": "array", "items": MODEL_SCHEMA}},
+}
+
+
+def described(schema: dict) -> dict[int | str, dict]:
+    """An answer in JSON that is described by a schema."""
+    return {200: {"content": {"application/json": {"schema": schema}}}}
+
+
 def add_v1_routes(app: FastAPI, dispatcher: Dispatcher) -> None:
     """Add the routes that classify, explain and describe."""
 
@@ -59,8 +101,8 @@ def add_v1_routes(app: FastAPI, dispatcher: Dispatcher) -> None:
         responses=problem_responses(*WORK_ERRORS),
         openapi_extra=FILE_BODY,
     )
-    async def classify(request: Request, model: ModelName = None, top: Top = None) -> Response:
-        """Classify one mesh: the form field `file`, or a raw body with a model media type.
+    async def classify_mesh(request: Request, model: ModelName = None, top: Top = None) -> Response:
+        """Classify one mesh: the form field `file`, or a raw body, of any media type in /v1/formats.
 
         A .gltf comes with its buffers in further fields `file`, or in a ZIP archive.
         """
@@ -75,8 +117,14 @@ def add_v1_routes(app: FastAPI, dispatcher: Dispatcher) -> None:
         response_class=StreamingResponse,
         responses={
             200: {
-                "description": "A line for each file, in order: an Answer, or a Refusal.",
-                "content": {JSON_LINES: {"schema": {"type": "string"}}},
+                "description": "A line of JSON for each file, in order: an Answer, or a Refusal.",
+                "content": {
+                    # OpenAPI 3.2 has `itemSchema` for a line; 3.1 has nothing for it.
+                    JSON_LINES: {
+                        "schema": BINARY,
+                        "x-itemSchema": {"anyOf": [reference("Answer"), reference("Refusal")]},
+                    }
+                },
             },
             **problem_responses(*WORK_ERRORS),
         },
@@ -103,13 +151,13 @@ def add_v1_routes(app: FastAPI, dispatcher: Dispatcher) -> None:
         },
         openapi_extra=FILE_BODY,
     )
-    async def explain(
+    async def explain_mesh(
         request: Request, model: ModelName = None, label: ClassName = None
     ) -> Response:
         """Explain what each face of one mesh adds to the score of a class.
 
-        The header Accept chooses: the mesh in colours, as GLB (the default) or PLY, or the numbers
-        as JSON.
+        The header Accept chooses: the numbers as JSON (the default), or the mesh in colours, as
+        GLB or PLY.
         """
         card = dispatcher.model(model).card
         explained_class(card.config.classes, card.config.pooling, label)
@@ -121,35 +169,35 @@ def add_v1_routes(app: FastAPI, dispatcher: Dispatcher) -> None:
         return Response(prediction.explanation, 200, headers, FORMS[form].media_type)
 
     @app.get("/v1/formats", responses=problem_responses(401))
-    async def formats() -> dict:
+    async def list_formats() -> Formats:
         """The file formats that are read, and those for which an extra is missing."""
-        return {"formats": [known.to_dict() for known in TABLE.values()]}
+        return Formats(formats=[known.row for known in TABLE.values()])
 
     @app.get("/v1/limits", responses=problem_responses(401))
-    async def limits() -> dict:
+    async def get_limits() -> UploadLimits:
         """The most that one upload may hold."""
         settings = dispatcher.settings
-        return {"upload_bytes": settings.max_upload_bytes, **asdict(settings.limits)}
+        return UploadLimits(upload_bytes=settings.max_upload_bytes, **asdict(settings.limits))
 
-    @app.get("/v1/models", responses=problem_responses(401))
-    async def list_models() -> dict:
+    @app.get("/v1/models", responses=described(MODELS_SCHEMA) | problem_responses(401))
+    async def list_models() -> JSONResponse:
         """The models that are served, each with its card; the first is the default."""
-        return {"models": [info.to_dict() for info in dispatcher.pool.models.values()]}
+        models = [info.to_dict() for info in dispatcher.pool.models.values()]
+        return JSONResponse({"models": models})
 
-    @app.get("/v1/models/{name}", responses=problem_responses(401, 404))
-    async def get_model(name: str) -> dict:
+    @app.get("/v1/models/{name}", responses=described(MODEL_SCHEMA) | problem_responses(401, 404))
+    async def get_model(name: str) -> JSONResponse:
         """The card of one model."""
-        return dispatcher.model(name).to_dict()
+        return JSONResponse(dispatcher.model(name).to_dict())
 
     @app.get("/v1/samples", responses=problem_responses(401))
-    async def list_samples() -> dict:
+    async def list_samples() -> Samples:
         """The sample meshes in the package."""
-        return {
-            "samples": [
-                {"name": name, "file": path.name, "bytes": path.stat().st_size}
-                for name, path in sample_paths().items()
-            ]
-        }
+        files = [
+            SampleFile(name=name, file=path.name, bytes=path.stat().st_size)
+            for name, path in sample_paths().items()
+        ]
+        return Samples(samples=files)
 
     @app.get(
         "/v1/samples/{file}", responses=problem_responses(401, 404), response_class=FileResponse
@@ -195,8 +243,9 @@ async def _lines(
 
 
 def _acceptable_form(request: Request) -> str:
-    """The form of an explanation that the request prefers. Raises RequestError."""
-    by_type = {form.media_type: name for name, form in FORMS.items()}
+    """The form of an explanation that the request prefers, the earlier of equals; JSON where it
+    takes any. Raises RequestError."""
+    by_type = {FORMS[name].media_type: name for name in ("json", "glb", "ply")}
     media_type = preferred(request.headers.get("accept", ""), list(by_type))
     if media_type is None:
         detail = f"explanations come as {', '.join(by_type)}"

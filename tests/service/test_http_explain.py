@@ -61,8 +61,7 @@ def test_numbers_that_sum_to_the_score(
         "/v1/explain",
         files={"file": ("ring.obj", ring)},
         params={"class": label} if label else {},
-        headers={"accept": "application/json"},
-    )
+    )  # JSON is the default
     record = response.json()
     plain = client.post("/v1/classify", files={"file": ("ring.obj", ring)}).json()
     evidence = record.pop("evidence")
@@ -80,7 +79,8 @@ def test_what_is_written_is_what_the_command_line_writes(
     out = tmp_path / "ring.glb"
     done = meshconv3d("explain", meshes / "ring.obj", "--model", model_file, "-o", out)
     assert done.returncode == 0
-    response = client.post("/v1/explain", files={"file": ("ring.obj", ring)})
+    headers = {"accept": "model/gltf-binary"}
+    response = client.post("/v1/explain", files={"file": ("ring.obj", ring)}, headers=headers)
     assert response.content == out.read_bytes()
 
 

@@ -15,15 +15,16 @@ BUILT = Path(__file__).parents[2] / "service" / "page"
 ASSETS = sorted(path.name for path in (BUILT / "assets").iterdir())
 
 
-def test_the_page(client: httpx.Client) -> None:
-    response = client.get("/")
+@pytest.mark.parametrize("path", ["/", "/docs"])
+def test_the_pages(client: httpx.Client, path: str) -> None:
+    response = client.get(path)
     assert response.status_code == 200
     assert response.headers["content-type"].startswith("text/html")
     assert response.headers["cache-control"] == "no-cache"
-    assert client.head("/").headers["content-length"] == str(len(response.content))
+    assert client.head(path).headers["content-length"] == str(len(response.content))
 
 
-@pytest.mark.parametrize("path", ["/", f"/assets/{ASSETS[0]}"])
+@pytest.mark.parametrize("path", ["/", "/docs", f"/assets/{ASSETS[0]}"])
 def test_nothing_is_taken_from_elsewhere(client: httpx.Client, path: str) -> None:
     headers = client.get(path).headers
     assert "," not in headers["content-security-policy"]  # browsers obey all of several
@@ -38,8 +39,9 @@ def test_nothing_is_taken_from_elsewhere(client: httpx.Client, path: str) -> Non
     assert headers["x-content-type-options"] == "nosniff"
 
 
-def test_the_page_names_only_its_own_files(client: httpx.Client) -> None:
-    text = client.get("/").text
+@pytest.mark.parametrize("path", ["/", "/docs"])
+def test_the_pages_name_only_their_own_files(client: httpx.Client, path: str) -> None:
+    text = client.get(path).text
     assert not re.search(r"<script>|<style|style=|\bon\w+=|javascript:", text)
     for reference in re.findall(r'(?:src|href)="([^"#]+)"', text):
         assert reference.startswith("./")

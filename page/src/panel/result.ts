@@ -8,6 +8,9 @@ import { describe, megabytes, percent, plain } from "../words";
 import { alike } from "./alike";
 import { bars } from "./bars";
 
+// Below this probability, more than one answer in three is wrong.
+const WEAK = 2 / 3;
+
 export interface Actions {
   choose(label: string): void;
   retry(): void;
@@ -56,7 +59,7 @@ function success(
     bars(answer, entry, explains ? actions.choose : null),
     ...(actions.search ? [alike(entry, actions.search)] : []),
     section("The mesh", ...describe(answer.mesh).map((text) => make("p", { textContent: text }))),
-    section("Time", timings(answer)),
+    make("details", {}, make("summary", { textContent: "Time" }), timings(answer)),
     section("Take it with you", downloads(entry, explains, actions)),
   ];
 }
@@ -67,14 +70,22 @@ function verdict(answer: Answer): HTMLElement[] {
       make("h2", { className: "verdict unknown", textContent: "Unknown" }),
       make("p", {
         className: "confidence",
-        textContent: `Unlike everything that ${answer.model.name} knows. Nearest is ${plain(answer.class)}.`,
+        textContent: `Unlike everything that ${answer.model.name} knows. Nearest is ${plain(answer.class)}, at ${percent(answer.probability)}.`,
       }),
     ];
   }
-  const sure = `${percent(answer.probability)} confident`;
+  const right = Math.min(99, Math.round(100 * answer.probability));
+  const [first, second] = answer.scores.map((score) => plain(score.class));
+  const weak = answer.probability < WEAK && second;
   return [
-    make("h2", { className: "verdict", textContent: plain(answer.class) }),
-    make("p", { className: "confidence", textContent: `${sure}, says ${answer.model.name}` }),
+    make("h2", {
+      className: "verdict",
+      textContent: weak ? `Probably ${first}, or ${second}` : first,
+    }),
+    make("p", {
+      className: "confidence",
+      textContent: `Of 100 such answers of ${answer.model.name}, ${right} are right.`,
+    }),
   ];
 }
 

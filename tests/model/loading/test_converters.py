@@ -44,7 +44,7 @@ def test_an_installation_without_the_extra_names_it(monkeypatch):
         for name in (f"box.{extension}", None):
             with pytest.raises(UnknownFormat, match=r"meshconv3d\[formats\]"):
                 load_mesh(data, name)
-    assert formats.TABLE["step"].to_dict()["missing_extra"] == "formats"
+    assert formats.TABLE["step"].missing_extra == "formats"
 
 
 MOVED = 'P: "Lcl Translation", "Lcl Translation", "", "A",10,0,0'
