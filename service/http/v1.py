@@ -102,7 +102,7 @@ def add_v1_routes(app: FastAPI, dispatcher: Dispatcher) -> None:
         openapi_extra=FILE_BODY,
     )
     async def classify_mesh(request: Request, model: ModelName = None, top: Top = None) -> Response:
-        """Classify one mesh: the form field `file`, or a raw body, of any media type in /v1/formats.
+        """Classify one mesh: the form field `file`, or a raw body of a type that /v1/formats lists.
 
         A .gltf comes with its buffers in further fields `file`, or in a ZIP archive.
         """
