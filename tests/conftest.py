@@ -1,8 +1,10 @@
 """What tests in several rooms share: a small network and its files, and the real data."""
 
+import fcntl
 import os
 import shutil
 import tarfile
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -95,22 +97,39 @@ def exported(checkpoint: Path, path: Path) -> Path:
     return path
 
 
+def made_once(name: str, make: Callable[[Path], Path], temporary: pytest.TempPathFactory) -> Path:
+    """A file that one test process makes for all: an export takes seconds."""
+    folder = temporary.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        folder = folder.parent  # above the folders of the processes
+    path = folder / f"{name} once" / name
+    path.parent.mkdir(exist_ok=True)
+    with (folder / f"{name} lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        return path if path.exists() else make(path)
+
+
 @pytest.fixture(scope="session")
 def checkpoint_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A checkpoint of a small, untrained network over three classes."""
-    return tiny_checkpoint(SMALL, tmp_path_factory.mktemp("checkpoint") / "tiny.safetensors")
+    return made_once(
+        "tiny.safetensors", lambda path: tiny_checkpoint(SMALL, path), tmp_path_factory
+    )
 
 
 @pytest.fixture(scope="session")
 def model_file(checkpoint_file: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """That checkpoint as `meshconv3d export` writes it: `tiny.onnx`."""
-    return exported(checkpoint_file, tmp_path_factory.mktemp("model") / "tiny.onnx")
+    return made_once("tiny.onnx", lambda path: exported(checkpoint_file, path), tmp_path_factory)
 
 
 @pytest.fixture(scope="session")
 def learned_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The same with learned pooling: `learned.onnx`."""
-    folder = tmp_path_factory.mktemp("learned")
-    config = replace(SMALL, pooling="learned")
-    checkpoint = tiny_checkpoint(config, folder / "learned.safetensors")
-    return exported(checkpoint, folder / "learned.onnx")
+
+    def make(path: Path) -> Path:
+        config = replace(SMALL, pooling="learned")
+        checkpoint = tmp_path_factory.mktemp("learned") / "learned.safetensors"
+        return exported(tiny_checkpoint(config, checkpoint), path)
+
+    return made_once("learned.onnx", make, tmp_path_factory)

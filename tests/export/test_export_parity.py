@@ -36,13 +36,14 @@ MESHES: Mapping[str, Mesh] = {
     # Dented: faces that are exactly alike tie in learned pooling, where rounding chooses.
     "large": dented(icosphere(3)),
 }
+TWO_LEVELS = {"channels": (8, 12), "targets": (300, 100)}
 CONFIGS = {
     "reference": {},
     "wide patch, two convolutions": {"patch_size": 24, "convolutions": 2},
-    "face only, two levels, one class": {
+    "face only, four levels, one class": {
         "patch_size": 1,
-        "channels": (8, 12),
-        "targets": (300, 100),
+        "channels": (8, 8, 12, 12),
+        "targets": (400, 300, 200, 50),
         "classes": ("thing",),
     },
     "all that can be read of a face": {
@@ -51,10 +52,9 @@ CONFIGS = {
         "readout": "mean-peak",
         "dropout": 0.3,
     },
-    "four levels": {"channels": (8, 8, 12, 12), "targets": (400, 300, 200, 50)},
     "learned pooling": {"pooling": "learned"},
-    "learned pooling, plain norm": {"pooling": "learned", "pooling_norm": "plain"},
-    "the paper to the letter": PRESETS["paper"],
+    "learned pooling, plain norm": {"pooling": "learned", "pooling_norm": "plain"} | TWO_LEVELS,
+    "the paper to the letter": PRESETS["paper"] | TWO_LEVELS,
 }
 
 # What a graph may consist of: gathers, arithmetic, matrix products, and matters of shape.

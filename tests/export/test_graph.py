@@ -1,21 +1,17 @@
 """What is in the exported file, read with onnx itself."""
 
 import getpass
+from dataclasses import replace
 from pathlib import Path
 
 import onnx
 import pytest
 
 from meshconv3d.export.metadata import PREFIX
-from meshconv3d.export.onnx_file import OPSET, export_model
+from meshconv3d.export.onnx_file import OPSET
 from meshconv3d.export.operators import DOMAIN, VERSION
-from meshconv3d.model.config import NetworkConfig
-from meshconv3d.model.nn.checkpoint import Checkpoint
-from meshconv3d.model.topology.inputs import input_names, mesh_inputs
-from tests.meshes import sheet, torus
-from tests.networks import untrained
-
-SMALL = {"channels": (8, 12, 16), "descriptor_hidden": 8, "descriptor_channels": 6}
+from meshconv3d.model.topology.inputs import input_names
+from tests.conftest import SMALL
 
 
 @pytest.fixture(scope="module")
@@ -50,23 +46,16 @@ def test_faces_batch_and_pooling_widths_are_symbolic(graph: onnx.ModelProto) -> 
         assert axes[f"patches_{level}"][0] == axes[f"pools_{level - 1}"][0] != faces
 
 
-def test_learned_pooling_is_in_the_one_file_by_name(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_learned_pooling_is_in_the_one_file_by_name(learned_file: Path) -> None:
     """So that another runtime can see what to supply."""
-    config = NetworkConfig(classes=("ball", "box"), pooling="learned", **SMALL)
-    meshes = {"torus": mesh_inputs(torus(), config), "sheet": mesh_inputs(sheet(), config)}
-    path = tmp_path / "learned.onnx"
-    export_model(Checkpoint(untrained(config)), path, "learned", meshes)
-    assert [file.name for file in tmp_path.iterdir()] == ["learned.onnx"]
-    # Where the exporter has to guess at a size, it prints all it has traced.
-    assert capfd.readouterr() == ("", "")
-    graph = onnx.load(path)
+    assert [file.name for file in learned_file.parent.iterdir()] == ["learned.onnx"]
+    graph = onnx.load(learned_file)
     assert {e.domain: e.version for e in graph.opset_import} == {"": OPSET, DOMAIN: VERSION}
     nodes = [node for node in graph.graph.node if node.domain == DOMAIN]
-    assert [node.op_type for node in nodes] == ["GrowPatches", "PoolFaces"] * config.levels
+    assert [node.op_type for node in nodes] == ["GrowPatches", "PoolFaces"] * SMALL.levels
     targets = [a.i for node in nodes for a in node.attribute if a.name == "target"]
-    assert targets == list(config.targets)
+    assert targets == list(SMALL.targets)
+    config = replace(SMALL, pooling="learned")
     assert [value.name for value in graph.graph.input] == input_names(config)
 
 

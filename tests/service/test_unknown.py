@@ -7,11 +7,12 @@ from pathlib import Path
 
 import httpx
 import numpy as np
+import onnx
 import pytest
 
 from meshconv3d.model.calibration import Calibration, softmax
-from meshconv3d.model.nn.checkpoint import load_checkpoint, save_checkpoint
 from meshconv3d.service.classifier import Classifier
+from meshconv3d.service.models import ModelFile
 from tests.articulated import sample_paths
 from tests.commands import at_a_terminal, meshconv3d
 
@@ -19,16 +20,16 @@ SAMPLE = sample_paths()["ants"]
 
 
 @pytest.fixture(scope="module")
-def model_with(checkpoint_file: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable:
-    """Makes a model file from the small checkpoint with another calibration."""
+def model_with(model_file: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable:
+    """Makes a model file from the small one with another calibration on its card."""
 
     def make(calibration: Calibration | None) -> Path:
-        folder = tmp_path_factory.mktemp("calibrated")
-        checkpoint = replace(load_checkpoint(checkpoint_file), calibration=calibration)
-        save_checkpoint(checkpoint, folder / "model.safetensors")
-        done = meshconv3d("export", folder / "model.safetensors", "-o", folder / "some.onnx")
-        assert done.returncode == 0, done.stderr
-        return folder / "some.onnx"
+        path = tmp_path_factory.mktemp("calibrated") / "some.onnx"
+        graph = onnx.load(model_file)
+        card = replace(ModelFile.read(str(model_file)).open().card, name="some")
+        onnx.helper.set_model_props(graph, replace(card, calibration=calibration).to_properties())
+        path.write_bytes(graph.SerializeToString())
+        return path
 
     return make
 
