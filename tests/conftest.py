@@ -17,6 +17,9 @@ from meshconv3d.model.config import PRESETS, NetworkConfig
 # them to several threads costs more than multiplying them.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
+# The programs that tests start would compile the project's modules anew, each at its start.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+
 # The first call of a kernel compiles it.
 settings.register_profile("kernels", deadline=None)
 settings.load_profile("kernels")

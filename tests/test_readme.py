@@ -3,9 +3,11 @@ they say; the links of all pages lead somewhere."""
 
 import os
 import re
+import shlex
 import socket
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -22,21 +24,34 @@ PAGES = [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")]
 NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e[-+]\d+)?")
 
 
+ENVIRONMENT = os.environ | {
+    "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}",
+    "TERM": "dumb",
+}
+
+
+@pytest.fixture(scope="module")
+def port() -> Iterator[str]:
+    """The port at which the service of the examples runs: all of them start it alike."""
+    (command,) = {line for line in "".join(CONSOLE).splitlines() if line.endswith("&")}
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = str(probe.getsockname()[1])
+    words = shlex.split(command.removeprefix("$ ").removesuffix("&").replace("8000", port))
+    with subprocess.Popen(words, cwd=ROOT, env=ENVIRONMENT) as service:
+        yield port
+        service.terminate()
+
+
 def run_at_terminal(commands: list[str], folder: Path) -> list[list[str]]:
     """Run commands in one shell whose output is a terminal; the lines that each one printed."""
-    script = "trap 'kill $(jobs -p) 2>/dev/null' EXIT\n"
-    for command in commands:
-        script += f"echo @@@\n{command}\n"
+    script = "".join(f"echo @@@\n{command}\n" for command in commands)
     terminal, device = os.openpty()
-    environment = os.environ | {
-        "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}",
-        "TERM": "dumb",
-    }
     with (folder / "stderr").open("w") as errors:
         shell = subprocess.Popen(
             ["bash", "-c", script],
             cwd=ROOT,
-            env=environment,
+            env=ENVIRONMENT,
             stdin=device,
             stdout=device,
             stderr=errors,
@@ -72,17 +87,17 @@ def assert_same(printed: list[str], expected: list[str]) -> None:
 
 
 @pytest.mark.parametrize("block", CONSOLE, ids=lambda block: block.split("\n")[0][2:50])
-def test_console_examples_print_what_they_show(block: str, tmp_path: Path):
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = str(probe.getsockname()[1])
+def test_console_examples_print_what_they_show(
+    block: str, tmp_path: Path, request: pytest.FixtureRequest
+):
     # The port and the folder for files are the test's own; all else is as it stands.
-    block = block.replace("8000", port).replace("/tmp/", f"{tmp_path}/")
-    pairs = examples(block)
+    if "&\n" in block:
+        block = block.replace("8000", request.getfixturevalue("port"))
+    pairs = [
+        pair for pair in examples(block.replace("/tmp/", f"{tmp_path}/")) if pair[0][-1] != "&"
+    ]
     printed = run_at_terminal([command for command, _ in pairs], tmp_path)
     for lines, (command, expected) in zip(printed, pairs, strict=True):
-        if command.endswith("&"):
-            continue
         assert expected, f"no output is shown of: {command}"
         assert_same(lines, expected)
 

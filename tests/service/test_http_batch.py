@@ -35,6 +35,12 @@ def narrow(start: Callable[..., Service]) -> Service:
     return start("--workers", "1", "--max-batch-meshes", str(MOST), "--deadline-seconds", "4")
 
 
+@pytest.fixture(scope="module")
+def patient(start: Callable[..., Service]) -> Service:
+    """One worker with places for three meshes, and time for them."""
+    return start("--workers", "1", "--max-queue-requests", "3", "--deadline-seconds", "300")
+
+
 def form(*files: tuple[str, bytes]) -> list:
     return [("file", file) for file in files]
 
@@ -93,11 +99,8 @@ def test_files_are_bounded(narrow: Service, meshes: Path) -> None:
         assert (problem["fault"], problem["limit"]) == ("too-many-meshes", MOST)
 
 
-def test_a_batch_that_finds_no_place_is_refused_whole(
-    start: Callable[..., Service], meshes: Path
-) -> None:
-    ring = (meshes / "ring.obj").read_bytes()
-    service = start("--workers", "1", "--max-queue-requests", "3")
+def test_a_batch_that_finds_no_place_is_refused_whole(patient: Service, meshes: Path) -> None:
+    ring, service = (meshes / "ring.obj").read_bytes(), patient
     with ThreadPoolExecutor() as pool, held(workers(service.process.pid)):
         alone = pool.submit(httpx.post, f"{service.url}/v1/classify", content=ring, timeout=60)
         until(lambda: queue(service) == 1)
@@ -227,12 +230,9 @@ def test_the_deadline_is_that_of_the_whole_batch(narrow: Service, meshes: Path) 
     assert [line["error"]["fault"] for line in lines_of(response)] == ["deadline"] * MOST
 
 
-def test_who_leaves_takes_back_what_has_not_begun(
-    start: Callable[..., Service], meshes: Path
-) -> None:
+def test_who_leaves_takes_back_what_has_not_begun(patient: Service, meshes: Path) -> None:
     """Long before the deadline."""
-    ring = (meshes / "ring.obj").read_bytes()
-    service = start("--workers", "1", "--deadline-seconds", "300")
+    ring, service = (meshes / "ring.obj").read_bytes(), patient
     with held(workers(service.process.pid)):
         files = form(*[("a.obj", ring)] * 3)
         with pytest.raises(httpx.ReadTimeout):

@@ -10,7 +10,7 @@ import pytest
 
 from meshconv3d.service.http.access import OPEN_PATHS
 from meshconv3d.service.settings import Settings
-from tests.commands import program
+from tests.commands import meshconv3d
 from tests.service.conftest import Service
 from tests.service.test_http_problems import problem_of
 
@@ -109,11 +109,11 @@ def test_keys_are_shown_nowhere(guarded: Service, tmp_path: Path) -> None:
     for key in (*KEYS, FILED, "a-wrong-key-of-someone"):
         httpx.get(f"{guarded.url}/v1/models", headers={"x-api-key": key})
     variables = {"MESHCONV3D_API_KEYS": ",".join(KEYS), "MESHCONV3D_PORT": "none"}
-    bad = program("serve", variables=variables)
-    short = program("serve", variables={"MESHCONV3D_API_KEYS": "short-key"})
+    bad = meshconv3d("serve", variables=variables)
+    short = meshconv3d("serve", variables={"MESHCONV3D_API_KEYS": "short-key"})
     assert (bad.returncode, short.returncode) == (2, 2)
     assert "16 characters or more" in short.stderr
-    help_text = program("serve", "--help", variables=variables).stdout
+    help_text = meshconv3d("serve", "--help", variables=variables).stdout
     assert "--api-key" in help_text
     shown = guarded.log.read_text() + bad.stderr + short.stderr + help_text
     for key in (*KEYS, FILED, "a-wrong-key-of-someone", "short-key"):
@@ -130,7 +130,7 @@ def test_a_file_without_usable_keys_is_refused_at_the_start(
     path = tmp_path / "keys"
     if content is not None:
         path.write_text(content)
-    done = program("serve", "--api-keys-file", path)
+    done = meshconv3d("serve", "--api-keys-file", path)
     assert done.returncode == 2
     assert reason in done.stderr
 
@@ -235,7 +235,7 @@ def test_metrics_have_a_port_of_their_own(start: Callable[..., Service]) -> None
 
 @pytest.mark.parametrize("origin", ["*", "viewer.example", "https://a.example/path", "null"])
 def test_what_is_no_origin_is_refused_at_the_start(origin: str) -> None:
-    done = program("serve", "--cors-origin", origin)
+    done = meshconv3d("serve", "--cors-origin", origin)
     assert done.returncode == 2
     assert "bad setting: cors_origins" in done.stderr
 

@@ -30,6 +30,13 @@ def hasty(start: Callable[..., Service]) -> Service:
     return start("--deadline-seconds", "1", "--workers", "1")
 
 
+@pytest.fixture(scope="module")
+def tight(start: Callable[..., Service]) -> Service:
+    """Room for the bytes of one upload."""
+    limits = ["--max-queue-bytes", "30000", "--max-upload-bytes", "30000"]
+    return start("--workers", "1", *limits)
+
+
 @pytest.fixture
 def ring(meshes: Path) -> bytes:
     return (meshes / "ring.obj").read_bytes()
@@ -111,28 +118,24 @@ def test_headers_without_end_are_refused(hasty: Service) -> None:
             opened.sendall(endless)
 
 
-def test_bytes_that_uploads_hold_are_bounded(start: Callable[..., Service], ring: bytes) -> None:
-    limits = ["--max-queue-bytes", "30000", "--max-upload-bytes", "30000"]
-    service = start("--workers", "1", *limits)
+def test_bytes_that_uploads_hold_are_bounded(tight: Service, ring: bytes) -> None:
     assert 5_000 < len(ring) < 30_000
-    with connection(service) as slow:
+    with connection(tight) as slow:
         slow.sendall(head(30_000) + b"#" * 25_000)
-        until(lambda: value(service, "queue_bytes") == 25_000)
-        problem = problem_of(classify(service, ring), 503)
+        until(lambda: value(tight, "queue_bytes") == 25_000)
+        problem = problem_of(classify(tight, ring), 503)
         assert "bytes of uploads" in problem["detail"]
-    until(lambda: value(service, "queue_bytes") == 0)
-    assert classify(service, ring).status_code == 200
+    until(lambda: value(tight, "queue_bytes") == 0)
+    assert classify(tight, ring).status_code == 200
 
 
 def test_an_upload_that_declares_much_and_sends_little_keeps_no_room(
-    start: Callable[..., Service], ring: bytes
+    tight: Service, ring: bytes
 ) -> None:
-    limits = ["--max-queue-bytes", "30000", "--max-upload-bytes", "30000"]
-    service = start("--workers", "1", *limits)
-    with connection(service) as slow:
+    with connection(tight) as slow:
         slow.sendall(head(30_000) + ring[:100])
-        until(lambda: value(service, "queue_bytes") == 100)
-        until(lambda: classify(service, ring).status_code == 200)
+        until(lambda: value(tight, "queue_bytes") == 100)
+        until(lambda: classify(tight, ring).status_code == 200)
         slow.sendall(ring[100:] + b"#" * (30_000 - len(ring)))  # it goes on where there is room
         assert slow.recv(4096).startswith(b"HTTP/1.1 200 ")
 

@@ -2,11 +2,10 @@
 
 import json
 import os
-import subprocess
+import shutil
 import time
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
-from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +24,7 @@ from meshconv3d.service.classifier import Classifier
 from meshconv3d.service.models import ModelFile
 from meshconv3d.service.records import record
 from meshconv3d.service.workers import Setup, predict
-from tests.commands import PROGRAM, environment
+from tests.commands import meshconv3d
 
 pytest.importorskip("ray", reason="needs the extra `ray`")
 
@@ -101,47 +100,27 @@ def timeless(one: FileResult) -> dict:
     return found.model_dump(mode="json", by_alias=True) | {"timings_ms": None}
 
 
-def test_a_cluster_gives_the_records_of_one_process(
-    nodes: Nodes,
-    setup: Setup,
-    serial: SerialExecutor,
-    meshes: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """In their order, by paths as they were given, and without what is done."""
-    monkeypatch.chdir(meshes.parent)
-    listing = Listing([meshes.name] * 14)
-    ring = sha256((meshes / "ring.obj").read_bytes()).hexdigest()
-    calls = 0
-
-    def done_as(name: str) -> Collection[str]:
-        nonlocal calls
-        calls += name.endswith("ring.obj")
-        return {ring, "0" * 64} if calls <= 3 else ()
-
-    with RayExecutor(setup, None, nodes.address, OPTIONS) as executor:
-        found = [timeless(one) for one in executor.results(listing, done_as)]
-    calls = 0
-    assert found == [timeless(one) for one in serial.results(listing, done_as)]
-    assert len(found) == 14 * 5 - 3
-    assert len(found) > 2 * BLOCK
-
-
 def test_the_command_writes_and_resumes_what_the_local_one_does(
     nodes: Nodes, model_file: Path, meshes: Path, tmp_path: Path
 ) -> None:
+    """In the order of the files, of several blocks, and without what is done."""
+    for number in range(14):
+        shutil.copytree(meshes, tmp_path / "many" / f"{number:02}")
     path = tmp_path / "all.jsonl"
-    command = [PROGRAM, "batch", str(meshes), "--model", str(model_file), "--output", str(path)]
-    local = subprocess.run(command, capture_output=True, env=environment())
-    whole = [json.loads(line) | {"timings_ms": None} for line in path.read_text().splitlines()]
+    command = ("batch", tmp_path / "many", "--model", model_file, "--output", path)
+    local = meshconv3d(*command, "--workers", 1)
+    whole = timeless_records(path)
+    assert len(whole) == 14 * 5 > 2 * BLOCK
     path.write_text("".join(path.read_text().splitlines(keepends=True)[:2]))
-    over_ray = ["--resume", "--ray", nodes.address]
-    done = subprocess.run([*command, *over_ray], capture_output=True, env=environment())
-    assert (done.returncode, done.stdout) == (local.returncode, b"") == (1, b"")
-    assert b"2 of them earlier" in done.stderr
-    assert b"Traceback" not in done.stderr
-    resumed = [json.loads(line) | {"timings_ms": None} for line in path.read_text().splitlines()]
-    assert resumed == whole
+    done = meshconv3d(*command, "--resume", "--ray", nodes.address)
+    assert (done.returncode, done.stdout) == (local.returncode, "") == (1, "")
+    assert "2 of them earlier" in done.stderr
+    assert "Traceback" not in done.stderr
+    assert timeless_records(path) == whole
+
+
+def timeless_records(path: Path) -> list[dict]:
+    return [json.loads(line) | {"timings_ms": None} for line in path.read_text().splitlines()]
 
 
 @pytest.mark.parametrize(
@@ -164,7 +143,7 @@ def test_a_lost_node_loses_nothing_and_gives_nothing_twice(
     nodes: Nodes, setup: Setup, serial: SerialExecutor, meshes: Path, tmp_path: Path
 ) -> None:
     (ring,) = Listing([str(meshes / "ring.obj")])
-    files = [Noted(f"{number:04}.obj", "", ".obj", ring, tmp_path) for number in range(12 * BLOCK)]
+    files = [Noted(f"{number:04}.obj", "", ".obj", ring, tmp_path) for number in range(8 * BLOCK)]
     found = []
     with RayExecutor(setup, 2, nodes.address, OPTIONS) as executor:
         for one in executor.results(files, never):

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tests.articulated import sample_paths
-from tests.commands import WIDTH, at_a_terminal, environment, meshconv3d, program
+from tests.commands import WIDTH, at_a_terminal, environment, meshconv3d
 
 LABELS = {"two_balls": "ball", "ants": "ball", "laptop": "box", "lamp": "box", "snake": "ring"}
 """A class of the small model for some samples; what it answers does not matter."""
@@ -64,7 +64,7 @@ def untimed(record: dict) -> dict:
 def test_the_report_counts_what_classify_answers(
     model_file: Path, labelled: Path, classified: list[dict]
 ) -> None:
-    done = program("evaluate", model_file, labelled)
+    done = meshconv3d("evaluate", model_file, labelled)
     assert (done.returncode, done.stderr) == (0, "")
     report = json.loads(done.stdout)
     assert report["model"] == classified[0]["model"]

@@ -9,8 +9,9 @@ from tests.articulated import sample_paths
 from tests.commands import sent_to_terminal
 
 
-@pytest.mark.parametrize("encoding", ["ascii", "iso8859-1"])
-@pytest.mark.parametrize("command", ["classify", "evaluate"])
+@pytest.mark.parametrize(
+    ("command", "encoding"), [("classify", "ascii"), ("evaluate", "iso8859-1")]
+)
 def test_a_terminal_that_is_not_utf8(
     model_file: Path, tmp_path: Path, encoding: str, command: str
 ) -> None:
