@@ -74,6 +74,7 @@ def create_app(
     add_inference_routes(routes, dispatcher)
     add_health_routes(routes, dispatcher, metrics)
     add_page(routes)
+    routes.openapi()  # is kept: to make it takes 0.1 s, which no request should cost the others
     app: ASGIApp = AdmissionMiddleware(routes, admission, settings)
     if settings.cors_origins:
         app = CORSMiddleware(
