@@ -1,4 +1,4 @@
-"""A taught head is a linear discriminant analysis; its file is an ordinary model file."""
+"""A taught head parts classes by the angle of their means; its file is an ordinary model file."""
 
 from pathlib import Path
 from typing import Any
@@ -39,14 +39,16 @@ def without(examples: Examples, member: int) -> Examples:
     return Examples(examples.classes, files, examples.labels[kept], examples.features[kept])
 
 
-def test_scores_part_by_distance_under_the_shared_covariance(teacher: Teacher) -> None:
+def test_scores_part_by_angle_under_the_shared_covariance(teacher: Teacher) -> None:
     examples = drawn(teacher, 6)
     head, _ = teacher.fit(examples)
     point = np.random.default_rng(1).normal(0, 0.5, len(teacher._centre))
     scores = head.weight @ point + head.bias
     whitened = (point - teacher._centre) @ head.within
-    distances = np.sum((whitened - head.means) ** 2, axis=1)
-    assert np.diff(scores) == pytest.approx(-np.diff(distances) / 16, rel=1e-3, abs=1e-3)
+    lengths = np.linalg.norm(head.means, axis=1)
+    cosines = head.means @ whitened / lengths / np.linalg.norm(whitened)
+    assert scores / scores[0] == pytest.approx(cosines / cosines[0], rel=1e-3, abs=1e-3)
+    assert scores.argmax() == cosines.argmax()
 
 
 def test_one_example_of_each_class_is_enough(teacher: Teacher) -> None:
