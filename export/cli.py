@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from meshconv3d.model.checkpoints import CheckpointFile
+
 if TYPE_CHECKING:
     from meshconv3d.model.nn.checkpoint import Checkpoint
     from meshconv3d.model.topology.inputs import MeshInputs
@@ -15,7 +17,7 @@ MESHES_HELP = "Also compare on this mesh, beside the samples."
 
 
 @click.command()
-@click.argument("checkpoint", type=EXISTING_FILE)
+@click.argument("checkpoint", type=CheckpointFile())
 @click.option("-o", "--output", type=FILE, required=True, help="The .onnx file to write.")
 @click.option("--name", help="The model's name. [default: that of the file]")
 @click.option("--card", type=EXISTING_FILE, help="Markdown that describes the model.")
@@ -56,7 +58,7 @@ def export(
 @click.argument("model", type=EXISTING_FILE)
 @click.option(
     "--checkpoint",
-    type=EXISTING_FILE,
+    type=CheckpointFile(),
     required=True,
     help="Its checkpoint.",
 )
@@ -101,7 +103,7 @@ def verify(model: Path, checkpoint: Path, meshes: tuple[Path, ...]) -> None:
             f"{model}: its probe has the scores {card.probe.scores} for {sample}, the checkpoint "
             f"gives {scores}"
         )
-    click.echo(f"{model} agrees with {checkpoint}: {_parity(parity)}")
+    click.echo(f"{model} agrees with {checkpoint.name}: {_parity(parity)}")
 
 
 def _load(path: Path) -> "Checkpoint":

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from meshconv3d.model.checkpoints import CheckpointFile
 from meshconv3d.model.config import PRESETS, NetworkConfig, preset
 
 if TYPE_CHECKING:
@@ -85,10 +86,10 @@ def _read_split(
 @click.option(
     "--from",
     "start_file",
-    type=EXISTING_FILE,
-    metavar="CHECKPOINT",
-    help="Begin with the network of another run and the features it has learned, in place of "
-    "--preset and --set.",
+    type=CheckpointFile(),
+    metavar="NAME|CHECKPOINT",
+    help="Begin with the network of a shipped model (objects, parts, shrec11) or of another run, "
+    "and the features it has learned, in place of --preset and --set.",
 )
 @click.option("--epochs", type=click.IntRange(1), default=60, show_default=True)
 @click.option(

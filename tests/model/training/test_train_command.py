@@ -8,6 +8,7 @@ import pytest
 import torch
 from click.testing import CliRunner, Result
 
+from meshconv3d.model.checkpoints import shipped_checkpoints
 from meshconv3d.model.mesh import Mesh
 from meshconv3d.model.nn.checkpoint import load_checkpoint
 from meshconv3d.service.cli.main import commands
@@ -59,6 +60,17 @@ def test_a_run_begins_with_the_network_of_another(first: Path, tmp_path: Path) -
     other = train(data, tmp_path / "run", "--set", "channels=[8,8,8]")
     assert other.exit_code == 2
     assert "other settings or data" in other.stderr
+
+
+def test_a_run_begins_with_a_shipped_model_by_name(tmp_path: Path) -> None:
+    data = write(tmp_path / "data", RINGS)
+    result = train(data, tmp_path / "run", "--from", "shrec11", "--epochs", 1, "--copies", 0)
+    assert result.exit_code == 0, result.output
+    after = load_checkpoint(tmp_path / "run" / "model.safetensors")
+    assert after.training["from"] == load_checkpoint(shipped_checkpoints()["shrec11"]).training
+    missing = train(data, tmp_path / "other", "--from", "shrec12")
+    assert missing.exit_code == 2
+    assert "Shipped models are objects, parts, shrec11." in missing.stderr
 
 
 @pytest.mark.parametrize("options", [("--preset", "default"), ("--set", "patch_size=4")])
