@@ -105,9 +105,9 @@ def made_once(name: str, make: Callable[[Path], Path], temporary: pytest.TempPat
     folder = temporary.getbasetemp()
     if "PYTEST_XDIST_WORKER" in os.environ:
         folder = folder.parent  # above the folders of the processes
-    path = folder / f"{name} once" / name
-    path.parent.mkdir(exist_ok=True)
-    with (folder / f"{name} lock").open("w") as lock:
+    path = folder / "once" / name / name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with (folder / f"{name}.lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         return path if path.exists() else make(path)
 
