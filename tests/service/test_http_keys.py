@@ -231,6 +231,10 @@ def test_metrics_have_a_port_of_their_own(start: Callable[..., Service]) -> None
     assert httpx.get(f"{metrics}/v1/models", headers=key).status_code == 404
     assert httpx.get(f"{guarded.url}/metrics", headers=key).status_code == 404
     assert httpx.get(f"{guarded.url}/v1/models", headers=key).status_code == 200
+    # What is refused before it is routed is counted under its route.
+    assert httpx.get(f"{guarded.url}/v1/models/x").status_code == 401
+    refused = '{fault="no-api-key",route="/v1/models/{name}",status="401"}'
+    assert f"meshconv3d_requests_total{refused} 1.0" in httpx.get(f"{metrics}/metrics").text
 
 
 @pytest.mark.parametrize("origin", ["*", "viewer.example", "https://a.example/path", "null"])
