@@ -4,16 +4,19 @@ No line holds the content or the name of a file.
 """
 
 import logging.config
+import sys
 from typing import Literal
 
 from pythonjsonlogger.core import RESERVED_ATTRS
 from pythonjsonlogger.orjson import OrjsonFormatter
 
-LogFormat = Literal["json", "text"]
+LogFormat = Literal["auto", "json", "text"]
 
 
 def configure_logs(form: LogFormat) -> None:
-    """Set up logging for this process."""
+    """Set up logging for this process. "auto" is text at a terminal, and JSON elsewhere."""
+    if form == "auto":
+        form = "text" if sys.stderr.isatty() else "json"
     logging.config.dictConfig(
         {
             "version": 1,

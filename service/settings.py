@@ -122,7 +122,9 @@ class Settings(BaseSettings):
         "service.",
     )
     log_format: LogFormat = Field(
-        default="json", description="How the log is written to standard error."
+        default="auto",
+        description="How the log is written to standard error; auto is text at a terminal, and "
+        "json elsewhere.",
     )
 
     @field_validator("models", "api_keys", "cors_origins", "allowed_hosts", mode="before")

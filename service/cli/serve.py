@@ -58,6 +58,7 @@ def serve(**flags: Any) -> None:
     from meshconv3d.service.http.server import (
         CannotListen,
         TooFewFiles,
+        bind,
         raise_file_limit,
         run,
         start_workers,
@@ -70,14 +71,15 @@ def serve(**flags: Any) -> None:
     signal.signal(signal.SIGTERM, _stop)  # until the server takes over
     try:
         raise_file_limit(settings)
+        sockets = bind(settings)  # first: a port that is taken is told at once
         pool = start_workers(settings)
-    except (TooFewFiles, ModelFileError, SelfTestError) as error:
+    except (CannotListen, TooFewFiles, ModelFileError, SelfTestError) as error:
         raise click.UsageError(str(error)) from None
     except NotStarted as error:
         raise click.ClickException(str(error)) from None
     try:
-        run(settings, pool)
-    except (CannotListen, Error, OSError) as error:
+        run(settings, pool, sockets)
+    except (Error, OSError) as error:
         raise click.UsageError(str(error)) from None
     finally:
         pool.close()

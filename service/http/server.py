@@ -6,6 +6,7 @@ import logging
 import math
 import resource
 import socket
+import threading
 import time
 from types import FrameType
 
@@ -29,6 +30,10 @@ KEEP_ALIVE_SECONDS = 75
 GARBAGE_THRESHOLD = 20_000
 # Connections that wait to be accepted, before the system refuses more.
 BACKLOG = 2048
+
+# Starting takes a second or two, and much longer only where kernels are compiled.
+PATIENCE_SECONDS = 4.0
+COMPILING = "compiling the mesh kernels, once: this takes about a minute"
 
 # Headers of every answer, against browsers that guess types. Strict-Transport-Security is up to the
 # proxy that ends TLS in front of the service.
@@ -66,24 +71,27 @@ def start_workers(settings: Settings) -> WorkerPool:
     files = [ModelFile.read(name) for name in settings.models]
     setup = Setup(files, settings.limits, settings.worker_memory_bytes, settings.deadline_seconds)
     pool = WorkerPool(setup, settings.workers)
-    pool.start()
+    log.info("starting %d workers", settings.workers)
+    notice = threading.Timer(PATIENCE_SECONDS, log.info, (COMPILING,))
+    notice.daemon = True
+    notice.start()
+    try:
+        pool.start()
+    finally:
+        notice.cancel()
     return pool
 
 
-def run(settings: Settings, pool: WorkerPool) -> None:
+def run(settings: Settings, pool: WorkerPool, sockets: list[socket.socket]) -> None:
     """Serve until a signal says to stop, and all that was accepted is answered.
 
-    Raises CannotListen, LibraryError.
+    sockets: those of `bind`. Raises LibraryError.
     """
     library = None
     if settings.library is not None:
         from meshconv3d.service.library import Library  # its extra may be missing
 
         library = Library.read(settings.library, [info.card for info in pool.models.values()])
-    seconds = settings.deadline_seconds + CONNECTION_MARGIN
-    sockets = listen(settings.host, settings.port, seconds)
-    if settings.metrics_port is not None:
-        sockets += listen(settings.host, settings.metrics_port, seconds)
     admission = Admission(
         settings.max_queue_requests,
         settings.max_queue_bytes,
@@ -92,13 +100,14 @@ def run(settings: Settings, pool: WorkerPool) -> None:
     )
     config = uvicorn.Config(
         create_app(pool, admission, settings, library),
-        http=bounded_connection(seconds, settings.max_connections, admission),
+        http=bounded_connection(answer_seconds(settings), settings.max_connections, admission),
         ws="none",
         lifespan="on",
         timeout_keep_alive=KEEP_ALIVE_SECONDS,
         server_header=False,
         headers=SECURITY_HEADERS,
         log_config=None,
+        backlog=BACKLOG,
         access_log=False,  # the telemetry middleware logs more of each request
     )
     log.info(
@@ -124,7 +133,8 @@ class _Server(uvicorn.Server):
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         await super().startup(sockets)
-        log.info("running on %s", ", ".join(_address(each) for each in sockets or ()))
+        addresses = ", ".join(_address(each) for each in sockets or ())
+        log.info("running on %s: a browser shows the page there, and the API at /docs", addresses)
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
         if self._admission.open:
@@ -146,25 +156,43 @@ class _Server(uvicorn.Server):
         self.config.timeout_graceful_shutdown = seconds
 
 
-def listen(host: str, port: int, seconds: float) -> list[socket.socket]:
-    """A listening socket for each address of a host; port 0 is a free one.
+def answer_seconds(settings: Settings) -> float:
+    """After so many seconds, a connection is closed on which an answer has not ended."""
+    return settings.deadline_seconds + CONNECTION_MARGIN
 
-    seconds: a connection is dropped where its client takes nothing of an answer for so long (on
-    Linux). Raises CannotListen.
+
+def bind(settings: Settings) -> list[socket.socket]:
+    """A socket for each address at which to serve; nothing connects before the server listens.
+
+    A connection is dropped where its client takes nothing of an answer for the `answer_seconds`
+    (on Linux). Raises CannotListen.
     """
+    sockets = []
+    for port in (settings.port, settings.metrics_port):
+        if port is not None:
+            sockets += _bind(settings.host, port)
+    for each in sockets if hasattr(socket, "TCP_USER_TIMEOUT") else ():
+        milliseconds = int(answer_seconds(settings) * 1000)
+        each.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, milliseconds)
+    return sockets
+
+
+def _bind(host: str, port: int) -> list[socket.socket]:
+    """A socket for each address of a host; port 0 is a free one. Raises CannotListen."""
     try:
         found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
-        sockets = [
-            socket.create_server(address, family=family, backlog=BACKLOG)
-            for family, *_, address in found
-        ]
+        sockets = []
+        for family, kind, protocol, _, address in found:
+            sockets.append(socket.socket(family, kind, protocol))
+            sockets[-1].setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            if family == socket.AF_INET6:
+                sockets[-1].setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 1)
+            sockets[-1].bind(address)
     except socket.gaierror:
         reason = "that is no host; --host takes an address of this machine, or 0.0.0.0 for all"
     except OSError as error:
         reason = REASONS.get(error.errno or 0, str(error))
     else:
-        for each in sockets if hasattr(socket, "TCP_USER_TIMEOUT") else ():
-            each.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, int(seconds * 1000))
         return sockets
     raise CannotListen(f"cannot listen at {host}, port {port}: {reason}")
 

@@ -166,7 +166,8 @@ def test_headers_without_end(few: Service) -> None:
 
 def test_headers_that_are_too_long_but_come_at_once(few: Service) -> None:
     begun = LIVE_REQUEST.removesuffix(b"\r\n")
-    one, many = b"X-Padding: " + b"x" * MAX_HEAD_BYTES + b"\r\n", b"a:b\r\n" * MAX_HEAD_BYTES
+    one = b"X-Padding: " + b"x" * MAX_HEAD_BYTES + b"\r\n"
+    many = b"a:b\r\n" * (MAX_HEAD_BYTES // 4)  # more would be reset, not answered
     for long in (one, many):
         with connection(few) as opened:
             opened.sendall(begun + long + b"\r\n")

@@ -19,7 +19,7 @@ import onnx
 import pytest
 
 from meshconv3d.export.metadata import PREFIX
-from meshconv3d.service.http.server import CannotListen, listen
+from meshconv3d.service.http.server import CannotListen, bind
 from meshconv3d.service.settings import Settings
 from tests.commands import PROGRAM, meshconv3d, program
 from tests.processes import family, held, until, workers
@@ -266,13 +266,14 @@ def test_an_address_that_cannot_be_had_is_told(service: Service, model_file: Pat
     assert done.returncode == 2
     assert f"cannot listen at 127.0.0.1, port {port}: " in done.stderr
     assert "the port is taken; choose another with --port" in " ".join(done.stderr.split())
+    assert "starting" not in done.stderr  # no worker was started for it
     assert "Traceback" not in done.stderr
 
 
 def test_what_is_no_host_is_told() -> None:
     words = "cannot listen at no-such-host.invalid, port 80: .* no host; --host takes"
     with pytest.raises(CannotListen, match=words):
-        listen("no-such-host.invalid", 80, 9.0)
+        bind(Settings(host="no-such-host.invalid", port=80))
 
 
 def test_a_port_that_needs_rights_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -281,7 +282,7 @@ def test_a_port_that_needs_rights_is_told(monkeypatch: pytest.MonkeyPatch) -> No
 
     monkeypatch.setattr(socket.socket, "bind", refuse)
     with pytest.raises(CannotListen, match=r"below 1024.*choose another with --port"):
-        listen("127.0.0.1", 80, 9.0)
+        bind(Settings(host="127.0.0.1", port=80))
 
 
 def test_open_files_are_raised_to_what_the_connections_need(
