@@ -184,7 +184,11 @@ function refusal(status: number, text: string): Refused {
     return new Refused(title, sentence(problem.detail), again, problem.request_id);
   } catch {
     // Not from this service, but from something in front of it.
-    return new Refused(title, `The answer was HTTP status ${status}.`, again);
+    const words =
+      status === 413
+        ? "Something in front of the service takes no file of this size. Simplify the mesh, or use a binary format (STL, PLY, GLB)."
+        : `The answer was HTTP status ${status}.`;
+    return new Refused(title, words, again);
   }
 }
 

@@ -187,6 +187,8 @@ def _model_schemas() -> dict[str, Any]:
 def complete(description: dict[str, Any], keyed: bool) -> dict[str, Any]:
     """Add to FastAPI's description of the app what it does not know. keyed: whether requests need
     an API key."""
+    # Relative to where the description lies, under whatever path a proxy puts the service.
+    description["servers"] = [{"url": "."}]
     for path, operations in description["paths"].items():
         for method, operation in operations.items():
             operation["tags"] = [_tag(path, method)]

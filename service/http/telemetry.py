@@ -140,6 +140,8 @@ class TelemetryMiddleware:
             if message["type"] == "http.response.start":
                 status = message["status"]
                 message["headers"] = [*message["headers"], *headers]
+                if context.stages:
+                    message["headers"].append((b"server-timing", _timing(context.stages)))
                 if DATA_POLICY[0] not in dict(message["headers"]):
                     message["headers"].append(DATA_POLICY)
             await send(message)
@@ -160,6 +162,11 @@ class TelemetryMiddleware:
             if match is not Match.NONE:
                 return getattr(route, "path", NO_ROUTE)
         return NO_ROUTE
+
+
+def _timing(stages: Iterable[tuple[str, float]]) -> bytes:
+    """The header Server-Timing: milliseconds of each stage that has ended."""
+    return ", ".join(f"{name};dur={seconds * 1000:.1f}" for name, seconds in stages).encode()
 
 
 def _log(method: str, route: str, status: int, seconds: float, context: RequestContext) -> None:

@@ -1,5 +1,6 @@
 """The service's own API: meshes in, records out."""
 
+import hashlib
 import logging
 import re
 from collections.abc import AsyncIterator, Sequence
@@ -180,15 +181,15 @@ def add_v1_routes(app: FastAPI, dispatcher: Dispatcher) -> None:
         return UploadLimits(upload_bytes=settings.max_upload_bytes, **asdict(settings.limits))
 
     @app.get("/v1/models", responses=described(MODELS_SCHEMA) | problem_responses(401))
-    async def list_models() -> JSONResponse:
+    async def list_models(request: Request) -> Response:
         """The models that are served, each with its card; the first is the default."""
         models = [info.to_dict() for info in dispatcher.pool.models.values()]
-        return JSONResponse({"models": models})
+        return _tagged(request, {"models": models})
 
     @app.get("/v1/models/{name}", responses=described(MODEL_SCHEMA) | problem_responses(401, 404))
-    async def get_model(name: str) -> JSONResponse:
+    async def get_model(request: Request, name: str) -> Response:
         """The card of one model."""
-        return JSONResponse(dispatcher.model(name).to_dict())
+        return _tagged(request, dispatcher.model(name).to_dict())
 
     @app.get("/v1/samples", responses=problem_responses(401))
     async def list_samples() -> Samples:
@@ -214,6 +215,17 @@ def add_v1_routes(app: FastAPI, dispatcher: Dispatcher) -> None:
 
 def task_of(upload: Upload, model: str) -> Task:
     return Task(model, upload.content, upload.name, upload.declared, pieces=upload.pieces)
+
+
+def _tagged(request: Request, content: dict) -> Response:
+    """JSON with an entity tag; without its body for a client that has it already."""
+    answer = JSONResponse(content)
+    tag = f'"{hashlib.sha256(answer.body).hexdigest()[:32]}"'
+    headers = {"etag": tag, "cache-control": "no-cache"}
+    if request.headers.get("if-none-match") == tag:
+        return Response(status_code=304, headers=headers)
+    answer.headers.update(headers)
+    return answer
 
 
 class _Lines(StreamingResponse):

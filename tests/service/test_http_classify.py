@@ -132,3 +132,11 @@ def test_many_clients_at_once(client: httpx.Client) -> None:
     assert len({record["probability"] for record in alone}) == len(alone)
     with ThreadPoolExecutor(12) as pool:
         assert list(pool.map(ask, contents * 4)) == alone * 4
+
+
+def test_the_stages_are_told_to_browsers(client: httpx.Client, meshes: Path) -> None:
+    answer = client.post("/v1/classify", content=(meshes / "ring.obj").read_bytes())
+    timing = dict(part.split(";dur=") for part in answer.headers["server-timing"].split(", "))
+    assert set(timing) == {"upload", "queue", *answer.json()["timings_ms"]}
+    for stage, milliseconds in answer.json()["timings_ms"].items():
+        assert float(timing[stage]) == pytest.approx(milliseconds, abs=0.06)

@@ -68,3 +68,12 @@ def test_the_answer_is_described_as_it_comes(client: httpx.Client, meshes: Path)
 
 def operation(client: httpx.Client) -> dict:
     return client.get("/openapi.json").json()["paths"]["/v1/classify"]["post"]
+
+
+def test_a_card_is_sent_once_to_who_keeps_it(client: httpx.Client) -> None:
+    for path in ("/v1/models", "/v1/models/tiny"):
+        first = client.get(path)
+        again = client.get(path, headers={"if-none-match": first.headers["etag"]})
+        assert (first.status_code, again.status_code, again.content) == (200, 304, b"")
+        assert first.headers["cache-control"] == "no-cache"
+        assert client.get(path, headers={"if-none-match": '"other"'}).content == first.content
