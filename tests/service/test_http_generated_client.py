@@ -2,6 +2,7 @@
 
 import importlib
 import inspect
+import os
 import re
 import subprocess
 import sys
@@ -33,6 +34,7 @@ def generated(service: Service, tmp_path_factory: pytest.TempPathFactory) -> Mod
         [*GENERATOR, "generate", *description, *written, "--fail-on-warning"],
         capture_output=True,
         text=True,
+        env=os.environ | {"PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"},  # ruff
     )
     assert done.returncode == 0, done.stdout + done.stderr
     assert "arning" not in done.stdout + done.stderr

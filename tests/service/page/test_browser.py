@@ -47,7 +47,7 @@ def test_a_file_of_every_format_is_drawn_and_classified(visit: Callable[..., Vis
             f"{visitor.site.url}/v1/classify", files={"file": (path.name, path.read_bytes())}
         ).json()
         title = "Unknown" if answer["unknown"] else answer["class"].replace("_", " ")
-        expect(visitor.at(".verdict")).to_have_text(title)
+        expect(visitor.at(".verdict")).to_contain_text(title)
         shown = visitor.at(".bars li").first
         expect(shown).to_contain_text(answer["class"].replace("_", " "))
         faces = f"{answer['mesh']['faces_in']:,}".replace(",", "\u202f")
