@@ -24,7 +24,7 @@ from meshconv3d.model.training.augmentation import random_rotation
 from meshconv3d.model.training.variation import mirrored, noisy, retriangulated, with_faces
 from meshconv3d.service.classifier import Classifier
 
-LEAST = 0.9
+LEAST = 0.85
 Change = Callable[[Mesh, np.random.Generator], Mesh]
 
 

@@ -31,8 +31,9 @@ from meshconv3d.model.mesh import Mesh
 from meshconv3d.model.preparation import prepare
 from meshconv3d.model.topology.inputs import collate, mesh_inputs
 
-# The property of a taught file that holds its examples' features, so that it can be taught more.
-EXAMPLES = "meshconv3d-examples"
+# Properties of a taught file that hold its examples' features and the within-class whitening matrix
+# of its base, so that it can be taught more.
+EXAMPLES, BASE_WITHIN = "meshconv3d-examples", "meshconv3d-base-within"
 # The tensor of the graph that multiplies the features of each face, C x N_c.
 EVIDENCE_WEIGHT = "classify.weight.transposed"
 # Divides all scores: a temperature near 1 then fits them.
@@ -164,11 +165,24 @@ class Teacher:
             numpy_helper.to_array(self._tensor(f"novelty.{name}")).astype(np.float64)
             for name in ("centre", "within", "overall")
         )
-        self._others = self._base_others()
+        self._others = self._graph_others()
+        if self.examples is not None:
+            self._restore_base(properties.get(BASE_WITHIN, ""))
         self._session = self._open_features()
 
-    def _base_others(self) -> NDArray[np.float64]:
-        """The base's meshes of no class, whitened, N_o x C; its graph has them if there are any."""
+    def _restore_base(self, text: str) -> None:
+        """Put the base's whitening matrix in the place of the taught one. Raises ModelFileError."""
+        taught = self._base_within
+        try:
+            flat = np.frombuffer(zlib.decompress(base64.b64decode(text)), "<f4")
+            self._base_within = flat.reshape(taught.shape).astype(np.float64)
+            whitening = np.linalg.solve(self._base_within, taught)
+            self._others = np.linalg.solve(whitening.T, self._others.T).T
+        except (ValueError, zlib.error, np.linalg.LinAlgError) as error:
+            raise ModelFileError(f"the base in the model file is damaged: {error}") from None
+
+    def _graph_others(self) -> NDArray[np.float64]:
+        """The meshes of no class, whitened, N_o x C; the graph has them if there are any."""
         if "novelty.others" not in {tensor.name for tensor in self._graph.graph.initializer}:
             return np.zeros((0, len(self._centre)))
         return numpy_helper.to_array(self._tensor("novelty.others")).astype(np.float64)
@@ -244,17 +258,29 @@ class Teacher:
             config=replace(self.card.config, classes=examples.classes),
             training={"taught": record},
             accuracy=_accuracy(left_out, len(examples.files)),
-            calibration=_calibrate(left_out),
+            calibration=self._calibrate(left_out),
             probe=Probe(sample, tuple(round(float(score), 5) for score in scores)),
             about=_about(name, by, record["base"]["name"], examples, left_out),
         )
-        properties = card.to_properties() | {EXAMPLES: examples.to_property()}
+        within = zlib.compress(self._base_within.astype("<f4").tobytes(), 9)
+        properties = card.to_properties() | {
+            EXAMPLES: examples.to_property(),
+            BASE_WITHIN: base64.b64encode(within).decode(),
+        }
         onnx.helper.set_model_props(self._graph, properties)
         content = self._graph.SerializeToString()
         found = run(open_session(content), ["scores"], self._arrays(mesh))[0][0]
         if not np.allclose(found, scores, rtol=1e-4, atol=1e-4):
             raise ModelFileError("the base model's graph is not one that its export writes")
         return Taught(content, card, left_out)
+
+    def _calibrate(self, left_out: LeftOut) -> Calibration | None:
+        """The calibration on examples that were left out; embeddings are those of the base, and so
+        is what is calibrated of them."""
+        if len(left_out.labels) < LEAST_CALIBRATED:
+            return None
+        same_shape = self.card.calibration and self.card.calibration.same_shape
+        return calibrate(left_out.scores, left_out.novelty, left_out.labels, same_shape)
 
     def _record(self, examples: Examples, by: str | None) -> dict[str, Any]:
         """What the card says of the teaching."""
@@ -364,12 +390,6 @@ def _squares(points: NDArray[np.float64], means: NDArray[np.float64]) -> NDArray
     """Squared distance of each point from each mean, M x N_c."""
     lengths = np.sum(points**2, axis=1)[:, None] + np.sum(means**2, axis=1)
     return np.maximum(lengths - 2 * points @ means.T, 0)
-
-
-def _calibrate(left_out: LeftOut) -> Calibration | None:
-    if len(left_out.labels) < LEAST_CALIBRATED:
-        return None
-    return calibrate(left_out.scores, left_out.novelty, left_out.labels)
 
 
 def _accuracy(left_out: LeftOut, examples: int) -> dict[str, Any]:

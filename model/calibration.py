@@ -13,6 +13,8 @@ KNOWN_REFUSED = 0.02
 TYPICAL_KNOWN = 0.98
 # Share of meshes of no class among those that people ask for, as far as it is assumed.
 OTHERS_SHARE = 0.2
+# Added to the distance of embeddings, so that its logarithm is bounded.
+LEAST_DISTANCE = 0.01
 # Bounds of the scale, for scores that are all alike or tell nothing.
 LEAST_SCALE, MOST_SCALE = 1e-3, 1e6
 # Keeps a logistic function finite that parts its points perfectly.
@@ -28,8 +30,8 @@ class Calibration:
     of one of the classes is a logistic function of its out-of-distribution score, 1/2 at the limit
     and falling by a factor e in its odds with each scale; a mesh above the limit is unknown.
     meshes: how many it was measured on, varied copies included. same_shape: the factor and the
-    constant of a logistic function, from the cosine of two embeddings to the probability that they
-    are of one shape; None where there were no varied copies.
+    constant of a logistic function, from the logarithm of the distance of two embeddings to the
+    probability that they are of one shape; None where there were no varied copies.
     """
 
     temperature: Annotated[float, Field(ge=1e-3, le=1e3)]
@@ -46,13 +48,15 @@ class Calibration:
         """Probability that two meshes are of one shape, from the cosine of their embeddings."""
         assert self.same_shape is not None
         factor, constant = self.same_shape
-        return _logistic(factor * cosines.astype(np.float64) + constant)
+        return _logistic(factor * _log_distance(cosines) + constant)
 
     def same_shape_cosine(self, probability: float) -> float:
         """The cosine of two embeddings at which `same_shape_probability` is this."""
         assert self.same_shape is not None
         factor, constant = self.same_shape
-        return float((np.log(probability / (1 - probability)) - constant) / factor)
+        odds = np.log(probability / (1 - probability))
+        distance = max(float(np.exp((odds - constant) / factor)) - LEAST_DISTANCE, 0.0)
+        return 1 - distance**2 / 2
 
 
 def calibrate(
@@ -130,11 +134,17 @@ def fit_same_shape(
         return None
     same = cosines[alike]
     other = np.where(meshes[:, None] == meshes, -1, cosines).max(axis=1)
-    points = np.concatenate([same, other])
+    points = _log_distance(np.concatenate([same, other]))
     targets = np.concatenate([np.ones(len(same)), np.zeros(len(other))])
     weights = np.where(targets == 1, 0.5 / len(same), 0.5 / len(other))
     factor, constant = _fit_logistic(points, targets, weights)
     return round(factor, 4), round(constant, 4)
+
+
+def _log_distance(cosines: NDArray) -> NDArray[np.float64]:
+    """Logarithm of the distance of unit vectors, bounded below."""
+    squares = np.maximum(2 - 2 * cosines.astype(np.float64), 0)
+    return np.log(np.sqrt(squares) + LEAST_DISTANCE)
 
 
 def _logistic(values: NDArray | float) -> NDArray[np.float64]:

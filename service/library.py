@@ -29,6 +29,19 @@ class LibraryError(Error):
     """Error of a file that is no library, or is one of another embedding space."""
 
 
+def model_of(path: Path) -> str:
+    """Name of the model that a library was made with. Raises LibraryError, OSError."""
+    try:
+        rows = next(ParquetFile(path).iter_batches(1000, columns=["model.name"]))["model"]
+        names = (row["name"] for row in rows.to_pylist() if row)
+        return next(names)
+    except (pa.ArrowInvalid, KeyError, StopIteration) as error:
+        raise LibraryError(
+            f"{path} is no library of meshes ({error!r}); make one with: meshconv3d embed PATH... "
+            f"-o {path}"
+        ) from None
+
+
 class Match(NamedTuple):
     """A mesh of the library that is like another: its row, the distance of the embeddings, 0 to 2,
     and the calibrated probability that both are of one shape, None where the model has none."""
@@ -121,13 +134,19 @@ class Library:
         """
         calibration = self.card.calibration
         if calibration is None or calibration.same_shape is None:
-            raise LibraryError("the model was trained without validation meshes to calibrate on")
+            raise LibraryError(
+                f"the model {self.card.name} has no calibrated probability that meshes are of one "
+                "shape; name the one that it was taught on, or one with validation meshes"
+            )
         cosine = calibration.same_shape_cosine(least)
-        owner = np.arange(len(self))
+        hashes = self.table["sha256"].combine_chunks().dictionary_encode()
+        # The same file is the same shape, however cautious the calibration is.
+        owner = _first_of_each(hashes.indices.to_numpy())
         for first, rows in self._alike(cosine):
             free = owner[rows] == rows
             if owner[first] == first:
                 owner[rows[free]] = first
+        owner = owner[owner]  # of copies of a file that has joined another group
         groups: dict[int, list[int]] = {}
         for row, first in enumerate(owner.tolist()):
             groups.setdefault(first, []).append(row)
@@ -156,3 +175,9 @@ class Library:
         if abs(faces[1] / faces[0] - 1) > SAME_SIZE:
             found.append(f"{faces[1]:,} faces for {faces[0]:,}")
         return ", ".join(found) or "same shape"
+
+
+def _first_of_each(numbers: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The first row with the number of each row."""
+    _, first, inverse = np.unique(numbers, return_index=True, return_inverse=True)
+    return first[inverse]

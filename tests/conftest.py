@@ -83,7 +83,7 @@ def tiny_checkpoint(config: NetworkConfig, path: Path) -> Path:
 
     training = {"data": {"name": "none"}, "accuracy": {"test": 0.25}}
     calibration = Calibration(
-        2.0, novelty_limit=1e6, novelty_scale=1.0, meshes=9, same_shape=(200.0, -199.0)
+        2.0, novelty_limit=1e6, novelty_scale=1.0, meshes=9, same_shape=(-4.0, -8.0)
     )
     save_checkpoint(Checkpoint(untrained(config), calibration, training), path)
     return path

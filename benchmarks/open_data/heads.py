@@ -15,15 +15,16 @@ import logging
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
-from itertools import chain
 from pathlib import Path
 
 import numpy as np
 import torch
 
+from benchmarks.alike import CHANGES
 from benchmarks.open_data.curation import SETS
 from benchmarks.shapes import make_shapes
 from benchmarks.unknown import area_under_curve
+from meshconv3d.model.calibration import fit_same_shape
 from meshconv3d.model.datasets import Sample, class_names, list_samples
 from meshconv3d.model.errors import MeshError
 from meshconv3d.model.loading import load_mesh
@@ -36,7 +37,6 @@ from meshconv3d.model.topology.inputs import mesh_inputs
 from meshconv3d.model.training.evaluation import (
     calibrate_network,
     labels_of,
-    mesh_numbers,
     pooled_features,
     predict,
 )
@@ -44,6 +44,8 @@ from meshconv3d.model.training.meshes import LabelledMesh, LoadedSamples, load_s
 
 # Varied copies of each mesh.
 COPIES = {"train": 3, "val": 5}
+# How copies of training meshes are changed, from which the axes of the embedding are measured.
+CHANGED = ("triangulated anew", "decimated to 30 %", "noise, 0.5 % of the diagonal")
 # Shapes of no class, of each kind, and their seeds.
 SHAPES = {"train": (8, 2), "val": (5, 3), "test": (5, 1)}
 # Tables of DATA beside that of a set: further meshes of its classes to test on.
@@ -71,8 +73,13 @@ def main() -> None:
     }
     # The features are those of the one network, whatever its head.
     pooled = {name: pooled_features(trained.network, s) for name, s in training.items()}
-    everything = LoadedSamples(list(chain.from_iterable(s.versions for s in training.values())), 0)
-    trained.network.embedding.fit(torch.cat(list(pooled.values())), mesh_numbers(everything))
+    both = {
+        split: [s for name in SETS for s in samples[name] if s.split == split]
+        for split in ("train", "val")
+    }
+    trained.network.embedding.fit(*changed(both["train"], trained.network, CHANGED))
+    features, meshes = changed(both["val"], trained.network, tuple(CHANGES))
+    same_shape = fit_same_shape(trained.network.embedding(features).numpy(), meshes.numpy())
     shapes = {split: shapes_of_no_class(trained.network, *SHAPES[split]) for split in SHAPES}
     others = pooled_features(trained.network, alone(shapes["train"]))
     vals = {name: [s for s in samples[name] if s.split == "val"] for name in SETS}
@@ -87,6 +94,7 @@ def main() -> None:
             load_samples(val, network.config, COPIES["val"]),
             [*strangers, *shapes["val"]],
         )
+        calibration = replace(calibration, same_shape=same_shape)
         counts = {
             split: sum(s.split == split for s in samples[name])
             for split in ("train", "val", "test")
@@ -111,6 +119,25 @@ def main() -> None:
         print(name, accuracy, flush=True)
         path = arguments.out / f"{name}.safetensors"
         save_checkpoint(Checkpoint(network, calibration, record), path)
+
+
+def changed(
+    samples: Sequence[Sample], network: Network, changes: Sequence[str]
+) -> tuple[torch.Tensor, torch.Tensor]:
+    """Features of meshes and of copies that are changed as people change meshes, M x C, and the
+    number of the mesh of each, M."""
+    features, numbers = [], []
+    for number, sample in enumerate(samples):
+        rng = np.random.default_rng(number)
+        with suppress(MeshError):
+            mesh = load_mesh(sample.path)
+            versions = [prepared(mesh, network)]
+            for change in changes:
+                with suppress(MeshError):
+                    versions.append(prepared(CHANGES[change](mesh, rng), network))
+            features.append(pooled_features(network, alone(versions)))
+            numbers += [len(features) - 1] * len(versions)
+    return torch.cat(features), torch.tensor(numbers)
 
 
 def shapes_of_no_class(network: Network, of_each: int, seed: int) -> list[LabelledMesh]:

@@ -40,6 +40,7 @@ export interface Answer {
 export interface Alike {
   file: string;
   class: string;
+  unknown: boolean | null;
   distance: number;
   same_shape: number | null;
   picture: string | null;

@@ -20,8 +20,8 @@ from meshconv3d.service.cli.setup import (
 from meshconv3d.service.cli.terminal import printable, shown
 
 if TYPE_CHECKING:
+    from meshconv3d.service.classifier import Classifier
     from meshconv3d.service.library import Library
-    from meshconv3d.service.models import ModelInfo
 
 LIBRARY = click.Path(exists=True, dir_okay=False, path_type=Path)
 # Groups that are printed at a terminal.
@@ -97,8 +97,7 @@ def similar(file: str, library: Path, top: int, model: str | None, as_json: bool
     """
     from meshconv3d.model.errors import MeshError
 
-    classifier = load_classifier(model)
-    found = _open(library, classifier.model.info)
+    classifier, found = _open(library, model)
     try:
         prediction = classifier.classify(file)
     except MeshError as error:
@@ -107,6 +106,7 @@ def similar(file: str, library: Path, top: int, model: str | None, as_json: bool
         {
             "file": found.value("file", row),
             "class": found.value("class", row),
+            "unknown": found.value("unknown", row),
             "distance": round(distance, 5),
             "same_shape": share and round(share, 5),
         }
@@ -124,7 +124,7 @@ def similar(file: str, library: Path, top: int, model: str | None, as_json: bool
         share = match["same_shape"]
         table.add_row(
             shown(match["file"]),
-            shown(match["class"]),
+            "unknown" if match["unknown"] else shown(match["class"]),
             f"{match['distance']:.3f}",
             "" if share is None else f"{share:.0%}",
         )
@@ -143,7 +143,7 @@ def similar(file: str, library: Path, top: int, model: str | None, as_json: bool
 @click.option(
     "--least",
     type=click.FloatRange(0, 1, min_open=True, max_open=True),
-    default=0.9,
+    default=0.85,
     show_default=True,
     help="Least probability that two meshes are one shape.",
 )
@@ -159,7 +159,7 @@ def duplicates(
     """
     if page is not None:
         from meshconv3d.service.batch.report import write_groups  # its extra may be missing
-    found = _open(library, load_classifier(model).model.info)
+    _, found = _open(library, model)
     from meshconv3d.service.library import LibraryError
 
     with usage_errors(LibraryError):
@@ -192,9 +192,18 @@ def duplicates(
     click.echo(f"{members} of {len(found)} meshes are in {len(groups)} groups", err=True)
 
 
-def _open(path: Path, info: "ModelInfo") -> "Library":
-    """A library for a model. One that cannot be searched is a usage error."""
-    from meshconv3d.service.library import Library, LibraryError
+def _open(path: Path, model: str | None) -> "tuple[Classifier, Library]":
+    """A library with a model, by default the one that it was made with. One that cannot be searched
+    is a usage error."""
+    from meshconv3d.service.library import Library, LibraryError, model_of
+    from meshconv3d.service.models import shipped_models
 
     with usage_errors(LibraryError):
-        return Library.read(path, [info.card])
+        made_with = model_of(path)
+        if model is None and made_with not in shipped_models():
+            raise LibraryError(
+                f"{path} was made with the model {made_with}, which is none of those that are "
+                "shipped: give its file as --model"
+            )
+        classifier = load_classifier(model or made_with)
+        return classifier, Library.read(path, [classifier.model.card])

@@ -70,6 +70,8 @@ def serve(**flags: Any) -> None:
     configure_logs(settings.log_format)
     signal.signal(signal.SIGTERM, _stop)  # until the server takes over
     try:
+        if settings.library is not None:
+            import meshconv3d.service.library  # noqa: F401 (its extra may be missing)
         raise_file_limit(settings)
         sockets = bind(settings)  # first: a port that is taken is told at once
         pool = start_workers(settings)

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from meshconv3d.model.loading import Limits
     from meshconv3d.model.mesh import Mesh
 
+# What a mesh of no class is called, in tables and as a folder.
+UNKNOWN = "unknown"
 # Lines of each kind that are printed.
 NAMED = 10
 
@@ -112,6 +114,12 @@ def _read(teacher: "Teacher", folder: Path, limits: "Limits") -> "Examples":
     with usage_errors(DatasetError):
         listed = list_samples(folder, undivided="train")
     samples = [sample for sample in listed if sample.split != "test"]
+    reserved = [sample for sample in samples if sample.label == UNKNOWN]
+    if reserved:
+        raise click.UsageError(
+            f"no class may be called {UNKNOWN}: that is what a mesh of no class is called; rename "
+            f"the folder of {readable(str(reserved[0].path))}"
+        )
     console = Console(stderr=True)
     used, features = [], []
     for sample in track(
@@ -123,6 +131,11 @@ def _read(teacher: "Teacher", folder: Path, limits: "Limits") -> "Examples":
         except (MeshError, OSError) as error:
             reason = Failure.of(error).message
             click.echo(f"{readable(str(sample.path))} is left out: {printable(reason)}", err=True)
+    folders = {path.name for path in folder.iterdir() if path.is_dir()}
+    split_folders = {sample.split for sample in listed}
+    if lacking := sorted(folders - {sample.label for sample in used} - split_folders):
+        shown = ", ".join(map(printable, lacking[:NAMED]))
+        click.echo(f"no example can be used of: {shown}", err=True)
     return Examples.of(
         [sample.label for sample in used],
         [readable(str(sample.path.relative_to(folder))) for sample in used],

@@ -28,6 +28,7 @@ class Alike(BaseModel):
 
     file: str = Field(examples=["chairs/thonet.stl"])
     class_: str = Field(serialization_alias="class", examples=["chair"])
+    unknown: bool | None = Field(description="true: `class` is only the nearest")
     distance: float = Field(examples=[0.12], description="of the embeddings: 0 to 2")
     same_shape: float | None = Field(
         examples=[0.97],
@@ -80,14 +81,18 @@ def add_search_routes(app: FastAPI, dispatcher: Dispatcher, library: "Library | 
         responses=problem_responses(*WORK_ERRORS),
         openapi_extra=FILE_BODY,
     )
-    async def find_similar(request: Request, top: Count = 10) -> Response:
+    async def find_similar(request: Request, top: Count = 10, model: ModelName = None) -> Response:
         """Find the meshes of the service's library that are most like one; the search is exact."""
         if library is None:
             raise RequestError(
                 404, "not-found", "this service has no library; start it with: serve --library FILE"
             )
+        card = library.card if model is None else dispatcher.model(model).card
+        if card.space != library.card.space:
+            detail = f"embeddings of {card.name} cannot be compared with those of the library"
+            raise RequestError(400, "other-space", detail)
         upload = await read_upload(request, dispatcher.settings)
-        prediction = await dispatcher.predict(request, task_of(upload, library.card.name))
+        prediction = await dispatcher.predict(request, task_of(upload, card.name))
         found = await asyncio.to_thread(_matches, library, prediction, top)
         content = SimilarAnswer(
             query=answer(upload.name, prediction), library=len(library), similar=found
@@ -111,6 +116,7 @@ def _matches(library: "Library", prediction: Prediction, top: int) -> list[Alike
         Alike(
             file=library.value("file", match.row),
             class_=library.value("class", match.row),
+            unknown=library.value("unknown", match.row),
             distance=round(match.distance, 5),
             same_shape=match.probability and round(match.probability, 5),
             picture=base64.b64encode(picture).decode() if picture else None,

@@ -32,8 +32,11 @@ GARBAGE_THRESHOLD = 20_000
 BACKLOG = 2048
 
 # Starting takes a second or two, and much longer only where kernels are compiled.
-PATIENCE_SECONDS = 4.0
-COMPILING = "compiling the mesh kernels, once: this takes about a minute"
+PATIENCE_SECONDS = 6.0
+COMPILING = (
+    "still starting; where the mesh kernels are not compiled yet, they are now, once, which takes "
+    "about a minute"
+)
 
 # Headers of every answer, against browsers that guess types. Strict-Transport-Security is up to the
 # proxy that ends TLS in front of the service.

@@ -143,6 +143,24 @@ def test_adding_examples_is_as_teaching_all_at_once(teacher: Teacher) -> None:
     assert len(again.files) == len(everything.files)  # one of the same name is replaced
 
 
+def test_a_file_that_is_taught_more_goes_on_with_its_base(model_file: Path) -> None:
+    """Not with the covariance of its earlier examples, which would count twice."""
+    sample = next(iter(sample_paths().items()))
+    probe = sample[0], load_mesh(sample[1])
+    first = Teacher(model_file.read_bytes())
+    examples = drawn(first, 4)
+    taught = first.teach("mine", examples, probe)
+    again = Teacher(taught.content)
+    assert again.examples is not None
+    ours, theirs = (t.fit(e)[0] for t, e in ((first, examples), (again, again.examples)))
+    for one, other in zip(vars(ours).values(), vars(theirs).values(), strict=True):
+        assert other == pytest.approx(one, rel=2e-2, abs=2e-2)
+    base = first.card.calibration
+    assert base is not None
+    assert taught.card.calibration is not None
+    assert taught.card.calibration.same_shape == base.same_shape
+
+
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"classes":[],"files":[],"labels":[0]}'])
 def test_damaged_examples_are_refused(text: str) -> None:
     with pytest.raises(ModelFileError, match="damaged"):

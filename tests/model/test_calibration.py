@@ -10,6 +10,7 @@ from meshconv3d.model.calibration import (
     Calibration,
     calibrate,
     fit_known,
+    fit_same_shape,
     fit_temperature,
     softmax,
 )
@@ -66,6 +67,27 @@ def test_any_scores_have_a_limit(others: np.ndarray | None) -> None:
 def test_a_temperature_is_positive() -> None:
     with pytest.raises(ValueError, match="greater than"):
         Calibration(temperature=0, novelty_limit=1, novelty_scale=1.0, meshes=1)
+
+
+def test_copies_are_of_one_shape_and_the_nearest_others_are_not() -> None:
+    rng = np.random.default_rng(0)
+    shapes = rng.normal(size=(60, 32))
+    points = np.repeat(shapes, 3, axis=0) + rng.normal(0, 0.1, (180, 32))
+    points /= np.linalg.norm(points, axis=1, keepdims=True)
+    meshes = np.repeat(np.arange(60), 3)
+    same_shape = fit_same_shape(points.astype(np.float32), meshes)
+    calibration = Calibration(1.0, 0.0, 1.0, 180, same_shape)
+    cosines = points @ points.T
+    probabilities = calibration.same_shape_probability(cosines)
+    same = meshes[:, None] == meshes
+    assert probabilities[same].min() > 0.9
+    assert probabilities[~same].max() < 0.1
+    assert calibration.same_shape_probability(np.ones(1)) > 0.999
+    for probability in (0.2, 0.5, 0.9):
+        cosine = calibration.same_shape_cosine(probability)
+        found = calibration.same_shape_probability(np.array([cosine]))
+        assert found == pytest.approx(probability, abs=1e-6)
+    assert fit_same_shape(points[::3].astype(np.float32), np.arange(60)) is None
 
 
 def test_softmax_bears_any_logits() -> None:

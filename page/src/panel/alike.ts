@@ -7,7 +7,7 @@ import { picture } from "../shelf";
 import { plain } from "../words";
 
 // Where a mesh is said to be the same shape, whatever its triangles.
-const SAME = 0.9;
+const SAME = 0.85;
 
 export function alike(entry: Entry, search: () => void): HTMLElement {
   const box = make("section", {}, make("h3", { textContent: "More like this" }));
@@ -38,7 +38,7 @@ function card(found: Alike): HTMLElement {
       make("span", { className: "card-name", textContent: name }),
       make("span", {
         className: "card-verdict",
-        textContent: same ? "same shape" : plain(found.class),
+        textContent: same ? "same shape" : found.unknown ? "unknown" : plain(found.class),
       }),
     ),
   );

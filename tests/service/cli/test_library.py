@@ -28,6 +28,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     order = np.random.default_rng(0).permutation(len(STEPS.faces))
     write_off(folder / "steps.off", STEPS)
     write_off(folder / "steps_renumbered.off", Mesh(STEPS.vertices, STEPS.faces[order]))
+    (folder / "steps_copy.off").write_bytes((folder / "steps.off").read_bytes())
     write_off(folder / "steps_large.off", Mesh(STEPS.vertices * 2, STEPS.faces))
     write_off(
         folder / "steps_mirrored.off", Mesh(STEPS.vertices * (1, 1, -1), STEPS.faces[:, ::-1])
@@ -53,19 +54,40 @@ def names(lines: str) -> list[str]:
 def test_a_library_is_a_table_that_others_read(library: Path) -> None:
     rows = parquet.read_table(library).to_pylist()
     embedded = [row for row in rows if row["embedding"]]
-    assert len(rows) == 8
-    assert len(embedded) == 7
+    assert len(rows) == 9
+    assert len(embedded) == 8
     lengths = [np.linalg.norm(row["embedding"]) for row in embedded]
-    assert lengths == pytest.approx([1] * 7, abs=1e-3)
+    assert lengths == pytest.approx([1] * 8, abs=1e-3)
     assert {row["space"] for row in embedded} != {None}
     assert all(row["picture"].startswith(b"\x89PNG") for row in embedded)
 
 
+def test_copies_of_a_file_are_grouped_whatever_is_asked_for(
+    library: Path, model_file: Path
+) -> None:
+    done = meshconv3d("duplicates", library, "--model", model_file, "--least", 0.999999)
+    groups = [{Path(one["file"]).stem for one in json.loads(x)} for x in done.stdout.splitlines()]
+    assert {"steps", "steps_copy"} in groups
+
+
+def test_a_library_is_searched_with_the_model_that_it_was_made_with(
+    folder: Path, library: Path, tmp_path: Path
+) -> None:
+    done = meshconv3d("similar", folder / "steps.off", "--in", library)
+    assert done.returncode == 2
+    assert "made with the model tiny" in done.stderr
+    own = tmp_path / "own.parquet"
+    meshconv3d("embed", folder / "steps.off", folder / "ball.off", "-o", own, "--model", "parts")
+    done = meshconv3d("similar", folder / "steps.off", "--in", own)
+    assert names(done.stdout) == ["steps", "ball"]
+
+
 def test_the_same_shape_is_nearest(folder: Path, library: Path, model_file: Path) -> None:
     done = meshconv3d(
-        "similar", folder / "steps.off", "--in", library, "--top", 4, "--model", model_file
+        "similar", folder / "steps.off", "--in", library, "--top", 5, "--model", model_file
     )
-    assert set(names(done.stdout)[:3]) == {"steps", "steps_renumbered", "steps_large"}
+    near = {"steps", "steps_copy", "steps_renumbered", "steps_large"}
+    assert set(names(done.stdout)[:4]) == near
     first = json.loads(done.stdout.splitlines()[0])
     assert first["distance"] == pytest.approx(0, abs=1e-3)
     assert first["same_shape"] > 0.7
@@ -85,6 +107,7 @@ def test_duplicates_are_grouped_and_told_apart(
     group = next(group for group in groups if "steps" in group)
     assert group["steps"] == "first"
     assert group["steps_renumbered"] == "same shape"
+    assert group["steps_copy"] == "same file"
     assert group["steps_large"] == "2 times as large"
     assert not {"ball", "cube", "sheet"} & set(group)
     assert "data:image/png" in page.read_text()
@@ -127,13 +150,14 @@ def test_a_library_of_another_model_is_refused(
 
 def test_the_service_searches_its_library(start: Start, library: Path, folder: Path) -> None:
     url = start("--library", str(library)).url
-    assert httpx.get(f"{url}/v1/library").json() == {"library": {"meshes": 7, "model": "tiny"}}
+    assert httpx.get(f"{url}/v1/library").json() == {"library": {"meshes": 8, "model": "tiny"}}
     with (folder / "steps_renumbered.off").open("rb") as file:
-        found = httpx.post(f"{url}/v1/similar?top=3", files={"file": file}).json()
-    assert found["library"] == 7
+        found = httpx.post(f"{url}/v1/similar?top=4", files={"file": file}).json()
+    assert found["library"] == 8
     assert found["query"]["file"] == "steps_renumbered.off"
     assert {Path(one["file"]).stem for one in found["similar"]} == {
         "steps",
+        "steps_copy",
         "steps_renumbered",
         "steps_large",
     }

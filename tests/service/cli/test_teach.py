@@ -76,10 +76,14 @@ def test_an_interrupted_or_wrong_call_writes_nothing(examples: Path, tmp_path: P
     alone = tmp_path / "alone"
     (alone / "box").mkdir(parents=True)
     write_off(alone / "box" / "one.off", cube())
+    reserved = tmp_path / "reserved"
+    (reserved / "unknown").mkdir(parents=True)
+    write_off(reserved / "unknown" / "one.off", cube())
     for arguments, reason in (
         ((alone,), "two classes or more"),
         ((examples, "--add", examples / "ball" / "train" / "0.off"), "damaged or is no ONNX"),
         ((examples, "--base", "nothing"), "no model 'nothing'"),
+        ((reserved,), "no class may be called unknown"),
         (
             (examples, "--base", "objects", "--add", examples / "ball" / "train" / "0.off"),
             "leave --base out",
