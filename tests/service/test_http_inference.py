@@ -132,7 +132,7 @@ def test_binary_files_in_base64(client: httpx.Client) -> None:
 def test_the_documented_example_runs(service: Service, capsys: pytest.CaptureFixture[str]) -> None:
     (code,) = re.findall(r"```python\n(.*?)```", HTTP.read_text(encoding="utf-8"), re.DOTALL)
     code = code.replace("localhost:8000", service.url.removeprefix("http://")).replace(
-        "shrec11", MODEL
+        '"objects"', f'"{MODEL}"'
     )
     exec(code.replace("model/samples", str(HTTP.parents[1] / "model" / "samples")), {})
     assert capsys.readouterr().out.endswith(" (2, 3)\n")
