@@ -1,5 +1,6 @@
 """The service's own API: meshes in, records out."""
 
+import asyncio
 import hashlib
 import logging
 import re
@@ -252,6 +253,7 @@ async def _lines(
             error = request_error(result)
             result = Failure(error.fault, str(error))
         yield to_json(record(upload.name, result, top)) + b"\n"
+        await asyncio.sleep(0)  # other requests have their turn, where many results are there
 
 
 def _acceptable_form(request: Request) -> str:
