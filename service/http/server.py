@@ -35,7 +35,7 @@ BACKLOG = 2048
 PATIENCE_SECONDS = 6.0
 COMPILING = (
     "still starting; where the mesh kernels are not compiled yet, they are now, once, which takes "
-    "about a minute"
+    "a minute or two"
 )
 
 # Headers of every answer, against browsers that guess types. Strict-Transport-Security is up to the

@@ -17,7 +17,7 @@ from meshconv3d.service.models import ModelInfo
 from meshconv3d.service.prediction import Prediction
 from meshconv3d.service.workers.tasks import Setup, Task, work
 
-# Compiling the kernels, where no compiled ones are cached, takes ten seconds.
+# Compiling the kernels, where no compiled ones are cached, takes a minute or two.
 WARM_UP_SECONDS = 300.0
 # Time the system may take to tell how a process ended.
 EXIT_SECONDS = 1.0
