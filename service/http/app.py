@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from fastapi import FastAPI, Response
 from fastapi.responses import FileResponse
+from starlette.concurrency import run_in_threadpool
 from starlette.middleware.cors import CORSMiddleware
 from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -74,7 +75,6 @@ def create_app(
     add_inference_routes(routes, dispatcher)
     add_health_routes(routes, dispatcher, metrics)
     add_page(routes)
-    routes.openapi()  # is kept: to make it takes 0.1 s, which no request should cost the others
     app: ASGIApp = AdmissionMiddleware(routes, admission, settings)
     if settings.cors_origins:
         app = CORSMiddleware(
@@ -92,7 +92,10 @@ class _Routes(FastAPI):
 
     def __init__(self, pool: WorkerPool, admission: Admission, keyed: bool) -> None:
         @asynccontextmanager
-        async def close(_: FastAPI) -> AsyncIterator[None]:
+        async def lifespan(_: FastAPI) -> AsyncIterator[None]:
+            # The description, which is kept, takes 0.1 s, and the first thread 30 ms, since its
+            # libraries are imported then: no request should cost the others that.
+            await run_in_threadpool(self.openapi)
             yield
             pool.close()
             # Requests whose work that cancelled are still to be answered.
@@ -101,7 +104,7 @@ class _Routes(FastAPI):
                 await asyncio.sleep(0.01)
 
         super().__init__(
-            lifespan=close,
+            lifespan=lifespan,
             title="MeshConv3D",
             summary="What is this 3D mesh?",
             version=importlib.metadata.version("meshconv3d"),
