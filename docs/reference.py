@@ -1,12 +1,16 @@
-"""Makes docs/python.md, the Python reference, from the docstrings.
+"""Makes the pages that repeat the code: docs/python.md, the Python reference, from its docstrings,
+and docs/settings.md from the descriptions of the settings.
 
-python -m docs.reference > docs/python.md
+python -m docs.reference
 """
 
 import inspect
 from collections.abc import Callable
+from pathlib import Path
 
 import meshconv3d
+from meshconv3d.model.config import PRESETS, list_settings
+from meshconv3d.service.settings import Settings
 
 HEAD = """\
 # Python
@@ -36,6 +40,27 @@ print(found.label, isinstance(failed, meshconv3d.MeshError), failed.fault)  # ho
 seconds longer: kernels are compiled, and kept.
 """
 
+SETTINGS_HEAD = """\
+# Settings
+
+Made from their descriptions by `python -m docs.reference`.
+
+## Of the network
+
+`meshconv3d train DATA --out RUN --preset PRESET --set NAME=VALUE` sets one, and
+`meshconv3d train --settings` lists them. The presets are the columns: `default`, `objects` for
+meshes in many parts, `paper` for the paper to the letter.
+[method.md](method.md#which-settings-and-why) says what each was chosen by.
+"""
+
+SERVICE_HEAD = """\
+## Of the service
+
+A flag of `meshconv3d serve`, or a variable: `--port` or `MESHCONV3D_PORT`.
+[operations.md](operations.md) says how to choose them. Defaults are in `meshconv3d serve --help`,
+since some depend on the machine.
+"""
+
 # The parts of the reference: a heading, an object, and the members that are described with it.
 PARTS = (
     ("load", meshconv3d.load, ()),
@@ -48,7 +73,7 @@ PARTS = (
 
 
 def reference() -> str:
-    """The page."""
+    """The Python reference."""
     sections = [HEAD]
     for name, thing, members in PARTS:
         title = f"meshconv3d.{name}{_signature(thing) if inspect.isfunction(thing) else ''}"
@@ -71,5 +96,29 @@ def _signature(function: Callable[..., object]) -> str:
     return str(inspect.Signature(parameters))
 
 
+def settings() -> str:
+    """The settings of the network and of the service."""
+    network = [("setting", *PRESETS, "what it is")]
+    network += [
+        (f"`{setting.name}`", *setting.presets.values(), setting.about)
+        for setting in list_settings()
+    ]
+    service = [("setting", "what it is")]
+    service += [(f"`{name}`", field.description) for name, field in Settings.model_fields.items()]
+    return "\n".join((SETTINGS_HEAD, _table(network), SERVICE_HEAD, _table(service)))
+
+
+def _table(rows: list[tuple[str | None, ...]]) -> str:
+    """A table in Markdown; the first row is its head."""
+    lines = [
+        f"| {' | '.join((cell or '').replace('|', chr(92) + '|') for cell in row)} |"
+        for row in rows
+    ]
+    return "\n".join((lines[0], "|" + " --- |" * len(rows[0]), *lines[1:], ""))
+
+
+PAGES = {"python.md": reference, "settings.md": settings}
+
 if __name__ == "__main__":
-    print(reference(), end="")  # noqa: T201 (the page)
+    for name, page in PAGES.items():
+        (Path(__file__).parent / name).write_text(page(), encoding="utf-8")

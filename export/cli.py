@@ -71,8 +71,8 @@ def verify(model: Path, checkpoint: Path, meshes: tuple[Path, ...]) -> None:
     import onnx
 
     from meshconv3d.export.metadata import ModelFileError, read_card
-    from meshconv3d.export.onnx_file import probe
-    from meshconv3d.export.parity import TOLERANCE, ParityError, check_parity
+    from meshconv3d.export.onnx_file import embedding_space, probe
+    from meshconv3d.export.parity import OUTPUTS, TOLERANCE, ParityError, check_parity
 
     content = model.read_bytes()
     try:
@@ -83,11 +83,17 @@ def verify(model: Path, checkpoint: Path, meshes: tuple[Path, ...]) -> None:
     except (ParityError, ModelFileError) as error:
         raise click.ClickException(f"{model}: {error}") from None
     training = dict(loaded.training)
+    recorded = {name: card.parity.get(name) for name in (*OUTPUTS, "tolerance")}
+    if not all(isinstance(value, float) and 0 <= value <= TOLERANCE for value in recorded.values()):
+        raise click.ClickException(
+            f"{model}: parity on its card is {recorded}, which is none within {TOLERANCE:g}"
+        )
     expected = {
         "accuracy": training.pop("accuracy", {}),
         "training": training,
         "calibration": loaded.calibration,
         "config": loaded.network.config,
+        "space": embedding_space(loaded.network),
     }
     for name, value in expected.items():
         if getattr(card, name) != value:

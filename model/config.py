@@ -1,10 +1,11 @@
 """Hyper-parameters of the network, each with its reason."""
 
+import json
 from collections.abc import Mapping
 from dataclasses import fields
 from difflib import get_close_matches
 from types import MappingProxyType
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import (
     ConfigDict,
@@ -20,7 +21,7 @@ Size = Annotated[int, Field(ge=1, le=2**20)]
 Sizes = Annotated[tuple[Size, ...], Field(min_length=1)]
 
 
-@dataclass(frozen=True, config=ConfigDict(extra="forbid"))
+@dataclass(frozen=True, config=ConfigDict(extra="forbid", use_attribute_docstrings=True))
 class NetworkConfig:
     """Settings of the network and of the topology that it takes as input.
 
@@ -43,8 +44,9 @@ class NetworkConfig:
     targets: Sizes = (400, 300, 200)
     """T, the faces left after each block's pooling (paper, section IV)."""
     descriptor_hidden: Size = 128
+    """Width of the first layer of each descriptor; that of ExMeshCNN, from which they come."""
     descriptor_channels: Size = 64
-    """Widths of the two layers of each descriptor; ExMeshCNN's, from which they come."""
+    """Width of the second layer of each descriptor."""
     axes: Literal["face", "file"] = "face"
     """Axes of the descriptors' 3-vectors: each face's own, which turn with it, or those of the
     mesh's file."""
@@ -57,7 +59,7 @@ class NetworkConfig:
     """Features that equation 5 compares: the fixed ones of the input, or those that enter the
     pooling."""
     pooling_norm: Literal["squared", "plain"] = "squared"
-    """Of the feature differences in equation 5."""
+    """Norm of the feature differences in equation 5."""
     literal_pooling: bool = False
     """Follow section III.C to the letter at borders and in the pooled average, see `pool_faces`;
     needs learned pooling."""
@@ -105,6 +107,33 @@ PRESETS: dict[str, dict[str, Any]] = {
         "literal_pooling": True,
     },
 }
+
+
+class Setting(NamedTuple):
+    """A setting of the network. presets: its value in each preset, as `--set` takes it."""
+
+    name: str
+    presets: dict[str, str]
+    about: str
+
+
+def list_settings() -> list[Setting]:
+    """All settings of the network but the classes, which are those of the data."""
+    configs = {name: preset(name, ("",)) for name in PRESETS}
+    described = NetworkConfig.__pydantic_fields__
+    return [
+        Setting(
+            name,
+            {title: _text(getattr(config, name)) for title, config in configs.items()},
+            " ".join((field.description or "").split()),
+        )
+        for name, field in described.items()
+        if name != "classes"
+    ]
+
+
+def _text(value: object) -> str:
+    return value if isinstance(value, str) else json.dumps(value)
 
 
 def preset(

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from meshconv3d.model.checkpoints import CheckpointFile
-from meshconv3d.model.config import PRESETS, NetworkConfig, preset
+from meshconv3d.model.config import PRESETS, NetworkConfig, Setting, list_settings, preset
 
 if TYPE_CHECKING:
     from meshconv3d.model.datasets import Sample
@@ -53,6 +53,24 @@ def _read_split(
     return EXISTING_FILE.convert(text, parameter, ctx) if text else None
 
 
+def _described(setting: Setting) -> tuple[str, str]:
+    """NAME=VALUE in the preset default, and what it is, with the presets that differ."""
+    default, about = setting.presets["default"], setting.about
+    others = [f"{name} {value}" for name, value in setting.presets.items() if value != default]
+    return f"{setting.name}={default}", about + (f" [{', '.join(others)}]" if others else "")
+
+
+def _show_settings(ctx: click.Context, parameter: click.Parameter, wanted: bool) -> None:
+    """Print the network's settings, and end."""
+    if not wanted:
+        return
+    formatter = ctx.make_formatter()
+    with formatter.section("Settings of the network, as in the preset default"):
+        formatter.write_dl([_described(setting) for setting in list_settings()])
+    click.echo(formatter.getvalue(), nl=False)
+    ctx.exit()
+
+
 @click.command()
 @click.argument("data", type=EXISTING_FOLDER)
 @click.option(
@@ -80,8 +98,16 @@ def _read_split(
     multiple=True,
     metavar="NAME=VALUE",
     callback=_read_settings,
-    help="A setting of the network, such as patch_size=16 or 'channels=[32,64,128]'; see "
-    "model/config.py.",
+    help="A setting of the network, such as patch_size=16 or 'channels=[32,64,128]'.",
+)
+@click.option(
+    "--settings",
+    "shows_settings",
+    is_flag=True,
+    is_eager=True,
+    expose_value=False,
+    callback=_show_settings,
+    help="List the settings of the network, with their values in each preset, and exit.",
 )
 @click.option(
     "--from",

@@ -37,6 +37,9 @@ def inspect(model: str | None, as_json: bool) -> None:
 
     [default: the first of MESHCONV3D_MODELS, or objects]
     """
+    from rich.console import Console
+    from rich.markdown import Markdown
+
     from meshconv3d.service.cli.setup import load_classifier
     from meshconv3d.service.cli.terminal import printable
 
@@ -45,8 +48,12 @@ def inspect(model: str | None, as_json: bool) -> None:
         click.echo(json.dumps(card))
         return
     if about := card.pop("about"):
-        for line in about.strip().splitlines():
-            click.echo(printable(line))
+        text = "\n".join(map(printable, about.strip().splitlines()))
+        console = Console()
+        if console.is_terminal:
+            console.print(Markdown(text, hyperlinks=False))
+        else:
+            click.echo(text)
         click.echo()
     for name, value in card.items():
         click.echo(f"{name}:")

@@ -109,16 +109,19 @@ def test_verify_fails_on_another_shape(model_file: Path, tmp_path: Path) -> None
         ("probe", {"scores": [math.nan] * 3}, "its probe has the scores"),
         ("accuracy", {"test": 1.0}, "accuracy on its card is {'test': 1.0}"),
         ("training", {"data": {"name": "other"}}, "training on its card is"),
+        ("parity", {"scores": 0.01}, "parity on its card is {'scores': 0.01"),
+        ("space", "other", "space on its card is other"),
         ("probe", {"sample": "cup"}, "'cup', which is no sample"),
     ],
 )
 def test_verify_fails_when_the_card_says_something_else(
-    model_file: Path, checkpoint_file: Path, tmp_path: Path, name: str, change: dict, says: str
+    model_file: Path, checkpoint_file: Path, tmp_path: Path, name: str, change: object, says: str
 ) -> None:
     """The graph alone cannot tell: its scores have no names."""
     graph = onnx.load(model_file)
     (entry,) = (entry for entry in graph.metadata_props if entry.key == PREFIX + name)
-    entry.value = json.dumps(change and json.loads(entry.value) | change)
+    value = json.loads(entry.value)
+    entry.value = json.dumps(value | change if isinstance(change, dict) else change)
     path = tmp_path / "changed.onnx"
     path.write_bytes(graph.SerializeToString())
     result = run("verify", path, "--checkpoint", checkpoint_file)

@@ -2,6 +2,7 @@
 
 import errno
 import os
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,7 @@ import torch
 from click.testing import CliRunner, Result
 
 from meshconv3d.model.checkpoints import shipped_checkpoints
+from meshconv3d.model.config import NetworkConfig
 from meshconv3d.model.mesh import Mesh
 from meshconv3d.model.nn.checkpoint import load_checkpoint
 from meshconv3d.service.cli.main import commands
@@ -204,3 +206,11 @@ def test_a_full_disk_loses_no_finished_epoch(
     stderr = said(train(data, tmp_path, *options))
     assert "going on after epoch 1" in stderr or "already finished" in stderr
     assert (tmp_path / "model.safetensors").is_file()
+
+
+def test_the_settings_are_listed_without_data() -> None:
+    result = CliRunner().invoke(commands, ["train", "--settings"])
+    assert result.exit_code == 0
+    for field in fields(NetworkConfig)[1:]:
+        assert f"{field.name}=" in result.output
+    assert "[paper 11]" in result.output
