@@ -4,6 +4,8 @@ import copy
 import hashlib
 import logging
 import warnings
+from ast import literal_eval
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -25,6 +27,27 @@ from meshconv3d.model.nn.network import Network, as_tensors
 from meshconv3d.model.topology.inputs import MeshInputs, collate, input_names
 
 OPSET = 20
+
+# What the file says of itself, for viewers of graphs. docs/onnx-file.md has all of it.
+ABOUT = (
+    "MeshConv3D: from the descriptor terms and the indices of prepared meshes to scores. Entries "
+    "of indices are row + 1 in the table that they gather from; 0 is a row of zeros. "
+    "docs/onnx-file.md says how to compute the inputs."
+)
+ABOUT_VALUES = {
+    "terms": "geometric terms of each face, the input of the learned descriptors",
+    "patches": "the K faces of each patch: the face itself, its neighbours, theirs, ...",
+    "pools": "the faces that each pooled face gathers",
+    "faces": "the corners of each face",
+    "lengths": "the length of each side of each face",
+    "starts": "where the faces of each mesh begin, and the end",
+    "readout": "the faces of each mesh at the last level",
+    "scores": "a score for each class; their softmax, over the temperature of the card, is the "
+    "probability among the classes",
+    "evidence": "what each face of the last level adds to each score",
+    "novelty": "how unlike all classes the mesh is: a relative Mahalanobis distance",
+    "embedding": "a vector of unit length, near to those of like shapes",
+}
 
 
 def export_model(
@@ -95,12 +118,27 @@ def trace_graph(network: Network, meshes: Sequence[MeshInputs]) -> onnx.ModelPro
             custom_translation_table=TRANSLATIONS,
         )
     assert program is not None
-    graph = program.model_proto
-    # Paths of the exporting machine.
-    for node in graph.graph.node:
+    model = program.model_proto
+    _describe(model.graph)
+    return model
+
+
+def _describe(graph: onnx.GraphProto) -> None:
+    """Name the nodes by their layers, and say what inputs and outputs are."""
+    graph.name, graph.doc_string = "meshconv3d", ABOUT
+    for value in (*graph.input, *graph.output):
+        value.doc_string = ABOUT_VALUES[value.name.rstrip("_0123456789")]
+    numbers = Counter()
+    for node in graph.node:
+        scopes = [p.value for p in node.metadata_props if p.key == "pkg.torch.onnx.name_scopes"]
+        modules = literal_eval(scopes[0])[:-1] if scopes else []
+        path = modules[-1] if modules and not modules[0] else ""
+        title = f"{path}/{node.op_type}" if path else node.op_type
+        numbers[title] += 1
+        node.name = f"{title}_{numbers[title]}"
+        # Paths of the exporting machine.
         node.ClearField("metadata_props")
         node.ClearField("doc_string")
-    return graph
 
 
 def fold_batch_norm(network: Network) -> Network:

@@ -1,5 +1,5 @@
-"""The examples of the README, docs/http.md and docs/python.md are run as they stand, and print what
-they say; the links of all pages lead somewhere."""
+"""The examples of the README and of docs are run as they stand, and print what they say; the links
+of all pages lead somewhere."""
 
 import os
 import re
@@ -18,8 +18,10 @@ ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 HTTP = (ROOT / "docs" / "http.md").read_text(encoding="utf-8")
 CONSOLE = re.findall(r"```console\n(.*?)```", README + HTTP, re.DOTALL)
-REFERENCE = (ROOT / "docs" / "python.md").read_text(encoding="utf-8")
-PYTHON = re.findall(r"```python\n(.*?)```", README + REFERENCE, re.DOTALL)
+REFERENCE, ONNX_FILE = (
+    (ROOT / "docs" / name).read_text(encoding="utf-8") for name in ("python.md", "onnx-file.md")
+)
+PYTHON = re.findall(r"```python\n(.*?)```", README + REFERENCE + ONNX_FILE, re.DOTALL)
 PAGES = [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")]
 NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e[-+]\d+)?")
 
