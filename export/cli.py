@@ -8,6 +8,11 @@ import click
 from meshconv3d.model.checkpoints import CheckpointFile
 
 if TYPE_CHECKING:
+    import onnx
+
+    from meshconv3d.export.metadata import ModelCard
+    from meshconv3d.model.config import NetworkConfig
+    from meshconv3d.model.mesh import Mesh
     from meshconv3d.model.nn.checkpoint import Checkpoint
     from meshconv3d.model.topology.inputs import MeshInputs
 
@@ -22,12 +27,19 @@ MESHES_HELP = "Also compare on this mesh, beside the samples."
 @click.option("--name", help="The model's name. [default: that of the file]")
 @click.option("--card", type=EXISTING_FILE, help="Markdown that describes the model.")
 @click.option("--mesh", "meshes", type=EXISTING_FILE, multiple=True, help=MESHES_HELP)
+@click.option(
+    "--whole",
+    is_flag=True,
+    help="Take vertices and faces as inputs, for other runtimes and languages (see "
+    "docs/any-runtime.md). CHECKPOINT may be a model file, too.",
+)
 def export(
     checkpoint: Path,
     output: Path,
     name: str | None,
     card: Path | None,
     meshes: tuple[Path, ...],
+    whole: bool,
 ) -> None:
     """Turn CHECKPOINT into one self-contained ONNX file.
 
@@ -36,18 +48,34 @@ def export(
     """
     if not output.parent.is_dir():
         raise click.UsageError(f"no such folder: {output.parent}")
-    loaded = _load(checkpoint)  # first: its extra has all that is needed
-
-    from meshconv3d.export.onnx_file import export_model
-    from meshconv3d.export.parity import ParityError
+    is_model = whole and checkpoint.suffix == ".onnx"
+    if is_model and (name or card):
+        raise click.UsageError("--name and --card are for a checkpoint; a model file has both")
+    from meshconv3d.export.comparison import ParityError
 
     try:
-        about = card.read_text(encoding="utf-8") if card else ""
-    except UnicodeDecodeError:
-        raise click.UsageError(f"{card} is not UTF-8 text") from None
-    try:
-        inputs = _inputs(loaded, meshes)
-        made = export_model(loaded, output, name or output.stem, inputs, about)
+        if is_model:
+            model, made = _read_model(checkpoint)
+            prepared = _prepare(made.config, meshes)
+        else:
+            loaded = _load(checkpoint)  # first: its extra has all that is needed
+
+            from meshconv3d.export.onnx_file import make_model
+
+            about = _read_text(card) if card else ""
+            prepared = _prepare(loaded.network.config, meshes)
+            inputs = _inputs(loaded, prepared)
+            model, made = make_model(loaded, name or output.stem, inputs, about)
+        if whole and made.config.pooling == "learned":
+            raise click.ClickException("--whole takes no models with learned pooling yet")
+        if whole:
+            from meshconv3d.export.whole import export_whole
+
+            made = export_whole(model, output, prepared)
+        else:
+            from meshconv3d.model.files import write_whole
+
+            write_whole(output, model.SerializeToString())
     except ParityError as error:
         raise click.ClickException(f"{output} was not written: {error}") from None
     size = output.stat().st_size
@@ -70,13 +98,14 @@ def verify(model: Path, checkpoint: Path, meshes: tuple[Path, ...]) -> None:
     import numpy as np
     import onnx
 
+    from meshconv3d.export.comparison import OUTPUTS, TOLERANCE, ParityError
     from meshconv3d.export.metadata import ModelFileError, read_card
     from meshconv3d.export.onnx_file import embedding_space, probe
-    from meshconv3d.export.parity import OUTPUTS, TOLERANCE, ParityError, check_parity
+    from meshconv3d.export.parity import check_parity
 
     content = model.read_bytes()
     try:
-        inputs = _inputs(loaded, meshes)
+        inputs = _inputs(loaded, _prepare(loaded.network.config, meshes))
         parity = check_parity(content, loaded.network, list(inputs.values()))
         properties = onnx.load_model_from_string(content).metadata_props
         card = read_card({entry.key: entry.value for entry in properties})
@@ -121,23 +150,53 @@ def _load(path: Path) -> "Checkpoint":
         raise click.ClickException(str(error)) from None
 
 
-def _inputs(checkpoint: "Checkpoint", extra: tuple[Path, ...]) -> "dict[str, MeshInputs]":
-    """The network's inputs for the samples and further meshes, by name."""
+def _read_model(path: Path) -> "tuple[onnx.ModelProto, ModelCard]":
+    import onnx
+
+    from meshconv3d.export.metadata import ModelFileError, read_card
+    from meshconv3d.export.runtime import open_session
+    from meshconv3d.model.topology.inputs import input_names
+
+    content = path.read_bytes()
+    try:
+        session = open_session(content)
+        card = read_card(session.get_modelmeta().custom_metadata_map)
+    except ModelFileError as error:
+        raise click.ClickException(f"{path}: {error}") from None
+    if [value.name for value in session.get_inputs()] != input_names(card.config):
+        raise click.ClickException(f"{path} is a whole pipeline already, or is damaged")
+    return onnx.load_model_from_string(content), card
+
+
+def _read_text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except UnicodeDecodeError:
+        raise click.UsageError(f"{path} is not UTF-8 text") from None
+
+
+def _prepare(config: "NetworkConfig", extra: tuple[Path, ...]) -> "dict[str, Mesh]":
+    """The samples and further meshes, prepared, by name."""
     from meshconv3d.model.errors import MeshError
     from meshconv3d.model.loading import load_mesh
     from meshconv3d.model.preparation import prepare
     from meshconv3d.model.samples import sample_paths
+
+    meshes = {}
+    for name, path in {**sample_paths(), **{str(path): path for path in extra}}.items():
+        try:
+            meshes[name], _ = prepare(load_mesh(path), config.face_budget)
+        except MeshError as error:
+            raise click.ClickException(f"{path}: {error}") from None
+    return meshes
+
+
+def _inputs(checkpoint: "Checkpoint", meshes: "dict[str, Mesh]") -> "dict[str, MeshInputs]":
+    """The network's inputs for meshes, by name."""
     from meshconv3d.model.topology.inputs import mesh_inputs
 
     config = checkpoint.network.config
-    inputs = {}
-    for name, path in {**sample_paths(), **{str(path): path for path in extra}}.items():
-        try:
-            mesh, _ = prepare(load_mesh(path), config.face_budget)
-        except MeshError as error:
-            raise click.ClickException(f"{path}: {error}") from None
-        inputs[name] = mesh_inputs(mesh, config)
-    return inputs
+    return {name: mesh_inputs(mesh, config) for name, mesh in meshes.items()}
 
 
 def _parity(figures: dict) -> str:

@@ -16,8 +16,9 @@ from torch import nn
 from torch.export import Dim
 from torch.nn.utils.fusion import fuse_linear_bn_eval
 
+from meshconv3d.export.comparison import OUTPUTS
 from meshconv3d.export.metadata import ModelCard, Probe
-from meshconv3d.export.parity import OUTPUTS, check_parity
+from meshconv3d.export.parity import check_parity
 from meshconv3d.export.translation import TRANSLATIONS
 from meshconv3d.model.config import NetworkConfig
 from meshconv3d.model.files import write_whole
@@ -57,11 +58,20 @@ def export_model(
     meshes: Mapping[str, MeshInputs],
     about: str = "",
 ) -> ModelCard:
-    """Export to `path` and return the card; the file is written if it passes the parity check.
+    """Export to `path` and return the card; errors and arguments: see `make_model`."""
+    model, card = make_model(checkpoint, name, meshes, about)
+    write_whole(path, model.SerializeToString())
+    return card
+
+
+def make_model(
+    checkpoint: Checkpoint, name: str, meshes: Mapping[str, MeshInputs], about: str = ""
+) -> tuple[onnx.ModelProto, ModelCard]:
+    """A model that has passed the parity check, with its card.
 
     meshes: at least two, by name; the first is a sample, whose scores go into the card. The graph
     is traced on them and compared with torch on each, alone and in one batch. about: Markdown for
-    the card. Raises ParityError, leaving no file.
+    the card. Raises ParityError.
     """
     graph = trace_graph(checkpoint.network, list(meshes.values()))
     training = dict(checkpoint.training)
@@ -78,8 +88,7 @@ def export_model(
         about=about,
     )
     onnx.helper.set_model_props(graph, card.to_properties())
-    write_whole(path, graph.SerializeToString())
-    return card
+    return graph, card
 
 
 def embedding_space(network: Network) -> str:

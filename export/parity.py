@@ -5,18 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 import torch
 
+from meshconv3d.export.comparison import OUTPUTS, TOLERANCE, ParityError, compare_outputs
 from meshconv3d.export.metadata import ModelFileError
 from meshconv3d.export.runtime import onnxruntime as ort
 from meshconv3d.export.runtime import open_session
-from meshconv3d.model.nn.network import Network, Outputs, as_tensors
+from meshconv3d.model.nn.network import Network, as_tensors
 from meshconv3d.model.topology.inputs import MeshInputs, collate, input_names
-
-TOLERANCE = 1e-4
-OUTPUTS = Outputs._fields
-
-
-class ParityError(RuntimeError):
-    """The file and the network differ by more than the tolerance, or in shape."""
 
 
 def check_parity(
@@ -31,26 +25,16 @@ def check_parity(
     session = _open(model, network)
     batches = {f"mesh {i}": [mesh] for i, mesh in enumerate(meshes)}
     batches[f"ragged batch of {len(meshes)}"] = list(meshes)
-    arrays = {title: collate(batch) for title, batch in batches.items()}
-    with torch.inference_mode():
-        expected = {title: network.eval()(*as_tensors(array)) for title, array in arrays.items()}
-    worst = dict.fromkeys(OUTPUTS, 0.0)
-    failures = []
-    for title, array in arrays.items():
-        for name, ours in zip(OUTPUTS, session.run(OUTPUTS, array), strict=True):
-            scale = max(float(getattr(each, name).abs().max()) for each in expected.values())
-            theirs = getattr(expected[title], name).numpy()
-            difference = relative_difference(np.asarray(ours), theirs, scale)
-            worst[name] = max(worst[name], difference)
-            if not difference <= TOLERANCE:
-                failures.append(f"{title}: {name} differs by {difference:.2e}")
-    if failures:
-        raise ParityError(
-            f"the file does not compute what the checkpoint does (tolerance {TOLERANCE:g}, "
-            "relative):\n  " + "\n  ".join(failures)
-        )
+    found, expected = {}, {}
+    for title, batch in batches.items():
+        arrays = collate(batch)
+        outputs = session.run(OUTPUTS, arrays)
+        found[title] = dict(zip(OUTPUTS, map(np.asarray, outputs), strict=True))
+        with torch.inference_mode():
+            outputs = network.eval()(*as_tensors(arrays))
+        expected[title] = {name: getattr(outputs, name).numpy() for name in OUTPUTS}
     return {
-        **{name: float(f"{value:.3g}") for name, value in worst.items()},
+        **compare_outputs(found, expected, "the checkpoint"),
         "meshes": len(meshes),
         "tolerance": TOLERANCE,
         "onnxruntime": ort.__version__,
@@ -72,10 +56,3 @@ def _open(model: bytes, network: Network) -> ort.InferenceSession:
         if names != expected:
             raise ParityError(f"the file's {kind} are {names}, expected {expected}")
     return session
-
-
-def relative_difference(ours: np.ndarray, theirs: np.ndarray, scale: float) -> float:
-    """Largest absolute difference over `scale`; infinite if the shapes differ."""
-    if ours.shape != theirs.shape:
-        return float("inf")
-    return float(np.abs(ours - theirs).max() / max(scale, 1e-12))

@@ -106,6 +106,11 @@ def _check_graph(path: Path, session: ort.InferenceSession, card: ModelCard) -> 
     found = [value.name for value in session.get_inputs()]
     outputs = {value.name: value.shape for value in session.get_outputs()}
     classes = outputs.get("scores", [None])[-1]
+    if found == ["vertices", "faces"]:
+        raise ModelFileError(
+            f"{path} is a whole pipeline, for other runtimes (meshconv3d export --whole); use the "
+            "model file that it was made from"
+        )
     if found != expected or set(outputs) != {"scores", "evidence", "novelty", "embedding"}:
         raise ModelFileError(f"{path}: the graph takes {found} and gives {sorted(outputs)}")
     if classes != len(card.config.classes):

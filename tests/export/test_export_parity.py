@@ -8,8 +8,8 @@ import onnx
 import pytest
 import torch
 
+from meshconv3d.export.comparison import OUTPUTS, TOLERANCE
 from meshconv3d.export.onnx_file import export_model
-from meshconv3d.export.parity import OUTPUTS, TOLERANCE
 from meshconv3d.export.runtime import open_session
 from meshconv3d.model.config import PRESETS, NetworkConfig
 from meshconv3d.model.mesh import Mesh

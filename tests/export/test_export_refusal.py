@@ -7,8 +7,9 @@ import onnx
 import pytest
 from click.testing import CliRunner
 
+from meshconv3d.export.comparison import TOLERANCE, ParityError
 from meshconv3d.export.onnx_file import export_model
-from meshconv3d.export.parity import TOLERANCE, ParityError, check_parity
+from meshconv3d.export.parity import check_parity
 from meshconv3d.model.nn.checkpoint import load_checkpoint
 from meshconv3d.model.topology.inputs import MeshInputs, mesh_inputs
 from meshconv3d.service.cli.main import commands
