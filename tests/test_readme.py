@@ -4,6 +4,7 @@ of all pages lead somewhere."""
 import os
 import re
 import shlex
+import shutil
 import socket
 import subprocess
 import sys
@@ -23,6 +24,9 @@ REFERENCE, ONNX_FILE = (
 )
 PYTHON = re.findall(r"```python\n(.*?)```", README + REFERENCE + ONNX_FILE, re.DOTALL)
 PAGES = [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")]
+SERVE = "meshconv3d serve --port 8000"
+[HTTPX] = re.findall(r"```python\n(import json\n\nimport httpx.*?)```", HTTP, re.DOTALL)
+[FETCH] = re.findall(r"```js\n(.*?)```", HTTP, re.DOTALL)
 NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e[-+]\d+)?")
 
 
@@ -33,16 +37,31 @@ ENVIRONMENT = os.environ | {
 
 
 @pytest.fixture(scope="module")
-def port() -> Iterator[str]:
-    """The port at which the service of the examples runs: all of them start it alike."""
-    (command,) = {line for line in "".join(CONSOLE).splitlines() if line.endswith("&")}
+def port(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """The port at which the service of the examples runs, with the library that some need."""
+    assert {line for line in "".join(CONSOLE).splitlines() if line.endswith("&")} == {
+        f"$ {SERVE} &"
+    }
+    (embed, serve) = re.findall(r"```sh\n(meshconv3d embed .*)\n(meshconv3d serve .*)\n```", HTTP)[
+        0
+    ]
+    assert serve.startswith(SERVE)
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = str(probe.getsockname()[1])
-    words = shlex.split(command.removeprefix("$ ").removesuffix("&").replace("8000", port))
+    library = str(tmp_path_factory.mktemp("library") / "library.parquet")
+    embed, serve = (line.replace("library.parquet", library) for line in (embed, serve))
+    subprocess.run(shlex.split(embed), cwd=ROOT, env=ENVIRONMENT, check=True)
+    words = shlex.split(serve.replace("8000", port))
     with subprocess.Popen(words, cwd=ROOT, env=ENVIRONMENT) as service:
+        until_ready(port)
         yield port
         service.terminate()
+
+
+def until_ready(port: str) -> None:
+    wait = f"curl -s --retry 60 --retry-delay 1 --retry-connrefused http://127.0.0.1:{port}/readyz"
+    subprocess.run(shlex.split(wait), check=True, capture_output=True)
 
 
 def run_at_terminal(commands: list[str], folder: Path) -> list[list[str]]:
@@ -93,7 +112,7 @@ def test_console_examples_print_what_they_show(
     block: str, tmp_path: Path, request: pytest.FixtureRequest
 ):
     # The port and the folder for files are the test's own; all else is as it stands.
-    if "&\n" in block:
+    if ":8000" in block:
         block = block.replace("8000", request.getfixturevalue("port"))
     pairs = [
         pair for pair in examples(block.replace("/tmp/", f"{tmp_path}/")) if pair[0][-1] != "&"
@@ -112,6 +131,36 @@ def test_python_examples_print_what_their_comments_say(code: str):
         [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
     )
     assert done.stdout.splitlines() == expected
+
+
+def test_the_routes_answer_httpx_as_its_comments_say(port: str) -> None:
+    code = HTTPX.replace("8000", port)
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.splitlines() == re.findall(r"print\(.*\)  # (.*)", code)
+
+
+@pytest.mark.skipif(not shutil.which("node"), reason="no node")
+def test_the_routes_answer_fetch_as_its_comments_say(port: str) -> None:
+    code = FETCH.replace("8000", port)
+    done = subprocess.run(
+        ["node", "--input-type=module", "--eval", code],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout.splitlines() == re.findall(r"console\.log\(.*\); // (.*)", code)
+
+
+@pytest.mark.parametrize("language", ["console", "python", "js"])
+def test_every_route_has_an_example(language: str) -> None:
+    code = "".join(re.findall(rf"```{language}\n(.*?)```", HTTP, re.DOTALL))
+    table = re.findall(r"^\| (?:`(?:GET|POST) )?`?(/v1/[a-z/]+)", HTTP, re.MULTILINE)
+    assert len(table) == 10
+    for path in (*table, "/v2/models/objects/infer", "/readyz"):
+        assert path in code, path
 
 
 @pytest.mark.parametrize("path", PAGES, ids=lambda path: path.name)

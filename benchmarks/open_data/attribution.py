@@ -49,7 +49,7 @@ def attribution(curated: Sequence[CuratedMesh]) -> str:
     lines = [HEAD.format(trained=trained, measured=len(curated) - trained)]
     for (name, url), works in sections.items():
         if works:
-            lines.append(f"\n## [{name}]({url})\n")
+            lines.append(f"\n## {name}\n\n[The licence]({url}).\n")
         named = name.startswith(NAMED)
         for source, authors in sorted(works.items()):
             lines += _source(sources[source], dict(sorted(authors.items())), named)

@@ -168,7 +168,7 @@ def test_every_author_is_named_with_source_licence_and_where_asked_titles() -> N
     )
     assert "- [Car Kit](https://github.com/kenney/kit) by Kenney (0 + 1)\n" in text
     assert "by R (1 + 0): Ford Focus\n" in text
-    assert "[CC BY 3.0](https://creativecommons.org/licenses/by/3.0/)" in text
+    assert "## CC BY 3.0\n\n[The licence](https://creativecommons.org/licenses/by/3.0/).\n" in text
     assert "MIT No Attribution" not in text
 
 
