@@ -47,8 +47,8 @@ class Protocol:
 
 # Split 10 has as many training steps as split 16: its epochs are shorter.
 SHREC11 = (
-    Protocol("SHREC11, split 16", 1.0, ("--epochs", "50"), LITERAL),
-    Protocol("SHREC11, split 10", 1.0, ("--split", "random:10", "--epochs", "80"), LITERAL),
+    Protocol("SHREC11, split 16", 1.0, ("--epochs", "35"), LITERAL),
+    Protocol("SHREC11, split 10", 1.0, ("--split", "random:10", "--epochs", "56"), LITERAL),
 )
 
 Results = dict[str, dict[str, dict[str, Any]]]
