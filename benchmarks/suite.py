@@ -35,7 +35,7 @@ BENCHMARKS = (
 )
 BY_THEMSELVES = (
     "batch",
-    "accuracy",
+    "paper",
     "ablation",
     "robustness",
     "evidence",

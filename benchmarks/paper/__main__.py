@@ -1,15 +1,18 @@
 """The paper's tables: `python -m benchmarks.paper`.
 
-python -m benchmarks.paper                         all that was measured, beside the paper's figures
-python -m benchmarks.paper shrec11 DATA/shrec_16   Table I, SHREC11: train and score
+python -m benchmarks.paper                             what was measured, beside the paper's figures
+python -m benchmarks.paper shrec11 DATA/shrec_16       Table I: train and score
+python -m benchmarks.paper cubes DATA/cubes            Table I, of `python -m benchmarks.cubes`
+python -m benchmarks.paper manifold40 DATA/Manifold40  Table II
+python -m benchmarks.paper modelnet40 DATA/ModelNet40  Table II
+python -m benchmarks.paper cost DATA/shrec_16          Table III: run time and memory
 """
 
 import argparse
+import json
 from pathlib import Path
 
-from benchmarks.paper import accuracy
-
-DATA = {"shrec11": accuracy.SHREC11}
+from benchmarks.paper import accuracy, cost, tables
 
 
 def main() -> None:
@@ -18,16 +21,23 @@ def main() -> None:
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    commands = parser.add_subparsers(dest="command")
-    for name in DATA:
+    commands = parser.add_subparsers(dest="command", metavar="TABLE")
+    for name in (*accuracy.PROTOCOLS, "cost"):
         command = commands.add_parser(name)
         command.add_argument("data", type=Path, help="folder laid out as CLASS/{train,test}/*")
-        command.add_argument("--seeds", type=int, nargs="+", default=[0, 1, 2, 3, 4])
-        command.add_argument("--out", type=Path, default=Path("runs"), help="folder for the runs")
+        if name != "cost":
+            command.add_argument("--seeds", type=int, nargs="+", default=[0, 1, 2, 3, 4])
+            command.add_argument("--out", type=Path, default=Path("runs"), help="for the runs")
     arguments = parser.parse_args()
-    if arguments.command:
-        protocols = DATA[arguments.command]
+    if arguments.command == "cost":
+        cost.measure(arguments.data)
+    elif arguments.command:
+        protocols = accuracy.PROTOCOLS[arguments.command]
         accuracy.measure(protocols, arguments.data, arguments.out, arguments.seeds)
+    results = accuracy.read_results()
+    print("Table I", tables.table_1(results), "Table II", tables.table_2(results), sep="\n\n")
+    if cost.RESULT.exists():
+        print("\nTable III", tables.table_3(json.loads(cost.RESULT.read_text())), sep="\n\n")
 
 
 if __name__ == "__main__":

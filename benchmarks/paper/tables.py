@@ -1,0 +1,107 @@
+"""The paper's tables as Markdown, its figures beside ours: `docs/paper.md` has them as they are.
+
+A figure that is not there yet reads "not run"; nothing is printed that no run gave.
+"""
+
+import statistics
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from benchmarks.paper.accuracy import PROTOCOLS, Protocol, Results
+from benchmarks.peers import MEASURED_ELSEWHERE
+
+# Accuracy in per cent by method, as published, by the protocol's title.
+METHODS = ("MeshCNN", "SubdivNet", "ExMeshCNN", "MeshConv3D")
+PUBLISHED: dict[str, tuple[str, ...]] = {
+    "SHREC11, split 16": ("98.6", "100", "100", "100"),
+    "SHREC11, split 10": ("91.0", "100", "100", "100"),
+    "cubes, random split": ("92.2", "100", "100", "100"),
+    "Manifold40": ("-", "91.4", "93.6", "92.4"),
+}
+# Run time as a ratio, and peak memory in MB.
+PUBLISHED_COST = {
+    "MeshConv3D": ("1", "682"),
+    "MeshCNN": ("1.40", "2596"),
+    "MeshNet++": ("3.81", "7440"),
+    "SubdivNet": ("0.87", "6981"),
+}
+NOTHING = "-"
+
+
+def table_1(results: Results) -> str:
+    """Accuracy on SHREC11 and on cubes."""
+    header = ["test accuracy, %", *METHODS, "`paper` here", "ours here"]
+    return _table(
+        header, (_row(p, results) for name in ("shrec11", "cubes") for p in PROTOCOLS[name])
+    )
+
+
+def table_2(results: Results) -> str:
+    """Accuracy on Manifold40 and ModelNet40, and how long a run takes."""
+    header = ["test accuracy, %", *METHODS, "here", "hours for a run of `paper`, of `default`"]
+    rows = []
+    for name, train in (("manifold40", 9843), ("modelnet40", 9843)):
+        (protocol,) = PROTOCOLS[name]
+        hours = [_hours(protocol, network, train, results) for network in protocol.networks]
+        published = PUBLISHED.get(protocol.title, (NOTHING,) * len(METHODS))
+        rows.append([protocol.title, *published, "data not to be had", ", ".join(hours)])
+    return _table(header, rows)
+
+
+def table_3(cost: dict[str, Any]) -> str:
+    """Run time and peak memory; run times are relative to the preset `paper`."""
+    header = ["50 batches of 50 meshes", "time, paper", "MB, paper", "time here", "MB here"]
+    unit = cost["yardsticks"]["paper"]
+    here = {
+        title: (f"{cost['yardsticks'][title] / unit:.2f}", f"{cost['megabytes'][title]:.0f}")
+        for title in cost["yardsticks"]
+    }
+    # A step of theirs is 50 meshes, too: as many as there are batches make the run.
+    theirs = {
+        name: (f"{peer.training_step / (unit / cost['batches']):.2f}", NOTHING)
+        for name, peer in MEASURED_ELSEWHERE.items()
+    }
+    ours = ["MeshConv3D", *PUBLISHED_COST["MeshConv3D"], *here["paper"]]
+    rows = [ours]
+    rows += [[f"our {t}", NOTHING, NOTHING, *here[t]] for t in here if t != "paper"]
+    for name in {**PUBLISHED_COST, **theirs}:
+        if name != "MeshConv3D":
+            nothing = (NOTHING, NOTHING)
+            rows.append([name, *PUBLISHED_COST.get(name, nothing), *theirs.get(name, nothing)])
+    return _table(header, rows)
+
+
+def _row(protocol: Protocol, results: Results) -> list[str]:
+    published = PUBLISHED.get(protocol.title, (NOTHING,) * len(METHODS))
+    done = results.get(protocol.title, {})
+    return [protocol.title, *published, *(_accuracy(done.get(n, {})) for n in protocol.networks)]
+
+
+def _accuracy(runs: dict[str, dict[str, Any]]) -> str:
+    """Mean over the seeds, with their number, the lowest and the highest."""
+    if not runs:
+        return "not run"
+    found = [100 * run["test"] for run in runs.values()]
+    mean, low, high = (f"{value:.2f}" for value in (statistics.mean(found), min(found), max(found)))
+    if len(found) == 1:
+        return f"{mean} (1 seed)"
+    return f"{mean} ({len(found)} seeds, {low} to {high})"
+
+
+def _hours(protocol: Protocol, network: str, train: int, results: Results) -> str:
+    """How long training takes, from the time that a mesh took on SHREC11."""
+    runs = [
+        run
+        for known in PROTOCOLS["shrec11"]
+        for run in results.get(known.title, {}).get(network, {}).values()
+    ]
+    if not runs:
+        return "not run"
+    # The least is what other work on the machine disturbed least.
+    each = min(run["minutes"] / (run["epochs"] * run["train_meshes"]) for run in runs)
+    return f"{each * protocol.networks[network].epochs * train / 60:.1f}"
+
+
+def _table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    lines = [header, ["---"] * len(header), *rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
