@@ -57,7 +57,7 @@ _CUBES = {
     "objects": Training(40, ("--preset", "objects", "--copies", "0", "--bend", "0.2")),
 }
 _MANY = {"paper": Training(35, PAPER), "default": Training(60, (*DEFAULT, "--copies", "2"))}
-# By command. The 120 epochs of split 10, where an epoch is shorter, were found on meshes held out of
+# By command. The 120 epochs for split 10, of shorter epochs, were found on meshes held out of
 # training, and so were the options for cubes.
 PROTOCOLS: dict[str, tuple[Protocol, ...]] = {
     "shrec11": (
