@@ -56,9 +56,8 @@ def table_3(cost: dict[str, Any]) -> str:
         title: (f"{cost['yardsticks'][title] / unit:.2f}", f"{cost['megabytes'][title]:.0f}")
         for title in cost["yardsticks"]
     }
-    # A step of theirs is 50 meshes, too: as many as there are batches make the run.
     theirs = {
-        name: (f"{peer.training_step / (unit / cost['batches']):.2f}", NOTHING)
+        name: (f"{peer.training_step / unit:.2f}", NOTHING)
         for name, peer in MEASURED_ELSEWHERE.items()
     }
     ours = ["MeshConv3D", *PUBLISHED_COST["MeshConv3D"], *here["paper"]]
