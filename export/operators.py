@@ -29,7 +29,7 @@ def _extension() -> ModuleType:
     except ImportError:
         raise ModelFileError(
             "learned pooling needs onnxruntime-extensions, which comes with an extra: "
-            "pip install '.[learned]' in a clone of meshconv3d"
+            "pip install 'meshconv3d[learned]'"
         ) from None
     # An exception in a kernel would end the process. These raise none: the topology stage takes
     # any surface, and its inputs come from our own code.

@@ -123,7 +123,7 @@ def test_a_missing_extra_is_named_in_one_line(
     assert done.stdout == ""
     (line,) = done.stderr.splitlines()
     assert list(tmp_path.iterdir()) == [file]
-    assert f"pip install '.[{extra}]'" in line
+    assert f"pip install 'meshconv3d[{extra}]'" in line
 
 
 @pytest.mark.parametrize("command", [["train"], ["export"], ["verify"]])

@@ -88,7 +88,7 @@ class Commands(click.Group):
                 raise
             raise MissingExtra(
                 f"this command needs {error.name}, which comes with an extra: "
-                f"pip install '.[{extra}]' in a clone of meshconv3d"
+                f"pip install 'meshconv3d[{extra}]'"
             ) from None
         except BrokenPipeError:
             # Here, since click would make it exit code 1.

@@ -225,7 +225,7 @@ def test_without_what_draws_it_says_so_before_it_works(
     assert (done.returncode, done.stdout) == (2, "")
     (line,) = done.stderr.splitlines()
     assert "matplotlib" in line
-    assert "pip install '.[train]'" in line
+    assert "pip install 'meshconv3d[train]'" in line
     assert not out.exists()
 
 
