@@ -43,7 +43,8 @@ class Surface:
     @classmethod
     def of(cls, mesh: Mesh) -> "Surface":
         """The surface of a prepared mesh."""
-        return cls.over(mesh.faces, edge_lengths(mesh.vertices, mesh.faces))
+        # A copy: kernels are compiled anew for arrays that are read-only.
+        return cls.over(mesh.faces.copy(), edge_lengths(mesh.vertices, mesh.faces))
 
     @classmethod
     def over(cls, faces: NDArray[np.int32], lengths: NDArray[np.float64]) -> "Surface":
