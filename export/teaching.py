@@ -422,6 +422,18 @@ def _about(name: str, by: str | None, base: str, examples: Examples, left_out: L
     return "\n".join(lines) + "\n"
 
 
+def in_several_classes(examples: Examples) -> list[list[str]]:
+    """Groups of examples that are one mesh, and are not all of one class: their files."""
+    groups: dict[bytes, list[int]] = {}
+    for row, features in enumerate(examples.features):
+        groups.setdefault(features.tobytes(), []).append(row)
+    return [
+        [examples.files[row] for row in group]
+        for group in groups.values()
+        if len(set(examples.labels[group].tolist())) > 1
+    ]
+
+
 def doubted(examples: Examples, left_out: LeftOut, temperature: float) -> list[tuple[str, str]]:
     """Examples that look mislabelled: the file, and the class that the others give it."""
     shares = softmax(left_out.scores / temperature)

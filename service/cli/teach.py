@@ -145,7 +145,7 @@ def _read(teacher: "Teacher", folder: Path, limits: "Limits") -> "Examples":
 
 def _report(examples: "Examples", card: "ModelCard", left_out: "LeftOut") -> None:
     """Print what the examples say of one another."""
-    from meshconv3d.export.teaching import ENOUGH, confusions, doubted
+    from meshconv3d.export.teaching import ENOUGH, confusions, doubted, in_several_classes
 
     if len(left_out.labels):
         click.echo(
@@ -169,6 +169,7 @@ def _report(examples: "Examples", card: "ModelCard", left_out: "LeftOut") -> Non
                 for file, given in doubted(examples, left_out, card.calibration.temperature)
             ],
         )
+    _list("one mesh, in several classes:", [", ".join(g) for g in in_several_classes(examples)])
     counts = zip(examples.classes, examples.counts.tolist(), strict=True)
     _list(
         f"classes with fewer than {ENOUGH} examples, which more would help:",

@@ -8,7 +8,14 @@ import pytest
 
 from meshconv3d.export.metadata import ModelFileError
 from meshconv3d.export.runtime import open_session
-from meshconv3d.export.teaching import EXAMPLES, Examples, Teacher, confusions, doubted
+from meshconv3d.export.teaching import (
+    EXAMPLES,
+    Examples,
+    Teacher,
+    confusions,
+    doubted,
+    in_several_classes,
+)
 from meshconv3d.model.loading import load_mesh
 from meshconv3d.model.preparation import prepare
 from meshconv3d.model.samples import sample_paths
@@ -79,6 +86,13 @@ def test_a_mislabelled_example_is_named(teacher: Teacher) -> None:
     _, left_out = teacher.fit(wrong)
     assert doubted(wrong, left_out, 1.0) == [("0.stl", "bolt")]
     assert confusions(wrong, left_out) == [("washer", "bolt", 1)]
+
+
+def test_one_mesh_in_two_classes_is_named() -> None:
+    rows = np.random.default_rng(0).normal(size=(4, 8)).astype(np.float32)
+    features = [rows[0], rows[1], rows[0], rows[2], rows[2]]
+    examples = Examples.of(["a", "a", "b", "b", "b"], ["1", "2", "3", "4", "5"], features)
+    assert in_several_classes(examples) == [["1", "3"]]
 
 
 def test_a_taught_file_gives_the_scores_of_its_head_and_the_embedding_of_its_base(
