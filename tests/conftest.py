@@ -3,6 +3,8 @@
 import fcntl
 import os
 import shutil
+import subprocess
+import sys
 import tarfile
 from collections.abc import Callable
 from dataclasses import replace
@@ -26,6 +28,30 @@ settings.load_profile("kernels")
 # To fuzz for minutes: pytest --hypothesis-profile=long tests/model/loading/test_fuzzing.py
 settings.register_profile("long", deadline=None, max_examples=20_000)
 
+# Both halves of the kernels: the first call of each compiles it.
+KERNELS = (
+    "from meshconv3d.model.preparation import prepare\n"
+    "from tests.meshes import cube, icosphere\n"
+    "prepare(icosphere(4), 500), prepare(cube(), 500)",
+    "from meshconv3d.model import loading\n"
+    "from meshconv3d.model.topology.inputs import mesh_inputs\n"
+    "from tests.conftest import WIDER\n"
+    "from tests.meshes import icosphere\n"
+    "mesh_inputs(icosphere(), WIDER), loading.warm_up()",
+)
+
+
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Compile the kernels in two processes before a run of all tests: else every process, and every
+    service that a test starts meanwhile, would compile them for itself."""
+    config = session.config
+    if hasattr(config, "workerinput") or config.args != config.getini("testpaths"):
+        return
+    started = [subprocess.Popen([sys.executable, "-c", code], cwd=ROOT) for code in KERNELS]
+    for process in started:
+        process.wait()
+
+
 SMALL = NetworkConfig(
     classes=("ball", "box", "ring"),
     channels=(8, 12, 16),
@@ -34,7 +60,8 @@ SMALL = NetworkConfig(
 )
 # What the preset `objects` adds.
 WIDER = replace(SMALL, **PRESETS["objects"])
-SHARED_DATA = Path(__file__).parents[2] / "shared" / "data"
+ROOT = Path(__file__).parents[1]
+SHARED_DATA = ROOT.parent / "shared" / "data"
 
 
 @pytest.fixture(scope="session")
