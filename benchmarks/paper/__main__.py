@@ -9,7 +9,6 @@ python -m benchmarks.paper cost DATA/shrec_16          Table III: run time and m
 """
 
 import argparse
-import json
 from pathlib import Path
 
 from benchmarks.paper import accuracy, cost, tables
@@ -34,10 +33,7 @@ def main() -> None:
     elif arguments.command:
         protocols = accuracy.PROTOCOLS[arguments.command]
         accuracy.measure(protocols, arguments.data, arguments.out, arguments.seeds)
-    results = accuracy.read_results()
-    print("Table I", tables.table_1(results), "Table II", tables.table_2(results), sep="\n\n")
-    if cost.RESULT.exists():
-        print("\nTable III", tables.table_3(json.loads(cost.RESULT.read_text())), sep="\n\n")
+    print("\n\n".join(tables.all_tables()))
 
 
 if __name__ == "__main__":

@@ -37,6 +37,11 @@ VARIANTS = {
 Labelled = list[tuple[Mesh, int]]
 
 
+def read() -> dict[str, Any]:
+    """What was measured."""
+    return json.loads(RESULT.read_text())
+
+
 def measure(
     data: Path, result: Path = RESULT, batches: int = BATCHES, meshes: int = MESHES
 ) -> None:

@@ -7,8 +7,12 @@ import statistics
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from benchmarks.paper.accuracy import PROTOCOLS, Protocol, Results
+from benchmarks.paper import cost
+from benchmarks.paper.accuracy import PROTOCOLS, Protocol, Results, read_results
 from benchmarks.peers import MEASURED_ELSEWHERE
+from benchmarks.suite import ROOT, Run
+
+PERFORMANCE = ROOT / "benchmarks" / "results" / "performance.json"
 
 # Accuracy in per cent by method, as published, by the protocol's title.
 METHODS = ("MeshCNN", "SubdivNet", "ExMeshCNN", "MeshConv3D")
@@ -25,7 +29,15 @@ PUBLISHED_COST = {
     "MeshNet++": ("3.81", "7440"),
     "SubdivNet": ("0.87", "6981"),
 }
+MODELNET40_TRAIN = 9843  # meshes, of Manifold40, too
 NOTHING = "-"
+
+
+def all_tables() -> list[str]:
+    """Tables I to III from the results that are kept."""
+    results = read_results()
+    quiet = Run.read(PERFORMANCE).findings["training_step"].figures["ours, in yardsticks"]
+    return [table_1(results), table_2(results), table_3(cost.read(), quiet.value)]
 
 
 def table_1(results: Results) -> str:
@@ -40,24 +52,26 @@ def table_2(results: Results) -> str:
     """Accuracy on Manifold40 and ModelNet40, and how long a run takes."""
     header = ["test accuracy, %", *METHODS, "here", "hours for a run of `paper`, of `default`"]
     rows = []
-    for name, train in (("manifold40", 9843), ("modelnet40", 9843)):
-        (protocol,) = PROTOCOLS[name]
-        hours = [_hours(protocol, network, train, results) for network in protocol.networks]
+    for protocol in (*PROTOCOLS["manifold40"], *PROTOCOLS["modelnet40"]):
+        hours = [_hours(protocol, network, results) for network in protocol.networks]
         published = PUBLISHED.get(protocol.title, (NOTHING,) * len(METHODS))
         rows.append([protocol.title, *published, "data not to be had", ", ".join(hours)])
     return _table(header, rows)
 
 
-def table_3(cost: dict[str, Any]) -> str:
-    """Run time and peak memory; run times are relative to the preset `paper`."""
+def table_3(found: dict[str, Any], default: float) -> str:
+    """Run time and peak memory; run times are relative to the preset `paper`.
+
+    default: yardsticks of a step of the preset `default` on a machine that does nothing else, to
+    which those of other methods are related.
+    """
     header = ["50 batches of 50 meshes", "time, paper", "MB, paper", "time here", "MB here"]
-    unit = cost["yardsticks"]["paper"]
-    here = {
-        title: (f"{cost['yardsticks'][title] / unit:.2f}", f"{cost['megabytes'][title]:.0f}")
-        for title in cost["yardsticks"]
+    ratio = {
+        title: own / found["yardsticks"]["paper"] for title, own in found["yardsticks"].items()
     }
+    here = {title: (f"{ratio[title]:.2f}", f"{found['megabytes'][title]:.0f}") for title in ratio}
     theirs = {
-        name: (f"{peer.training_step / unit:.2f}", NOTHING)
+        name: (f"{peer.training_step / default * ratio['default']:.2f}", NOTHING)
         for name, peer in MEASURED_ELSEWHERE.items()
     }
     ours = ["MeshConv3D", *PUBLISHED_COST["MeshConv3D"], *here["paper"]]
@@ -87,7 +101,7 @@ def _accuracy(runs: dict[str, dict[str, Any]]) -> str:
     return f"{mean} ({len(found)} seeds, {low} to {high})"
 
 
-def _hours(protocol: Protocol, network: str, train: int, results: Results) -> str:
+def _hours(protocol: Protocol, network: str, results: Results) -> str:
     """How long training takes, from the time that a mesh took on SHREC11."""
     runs = [
         run
@@ -98,7 +112,7 @@ def _hours(protocol: Protocol, network: str, train: int, results: Results) -> st
         return "not run"
     # The least is what other work on the machine disturbed least.
     each = min(run["minutes"] / (run["epochs"] * run["train_meshes"]) for run in runs)
-    return f"{each * protocol.networks[network].epochs * train / 60:.1f}"
+    return f"{each * protocol.networks[network].epochs * MODELNET40_TRAIN / 60:.1f}"
 
 
 def _table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
