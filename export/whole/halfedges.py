@@ -95,7 +95,7 @@ def grow_patches(adjacency: Array, patch_size: int) -> Array:
         new = new & concatenate([yes, ~(two == one), ~(three == one) & ~(three == two)], 1)
         places = found + cumulative_sum(new.astype(INT), axis=1) - 1
         here = (columns == expand(places, 1)) & expand(new, 1)
-        patches = patches + sum_over(where(here, expand(near, 1), 0), axis=2)
+        patches = patches + sum_over(here.astype(INT) * expand(near, 1), axis=2)
         found = minimum(found + count_over(new, 1, keepdims=True), patch_size)
         step = step + 1
         return any_over((found > step) & (found < patch_size)), patches, found, step

@@ -76,23 +76,27 @@ def _measure_balls(
     products = take(points, ROWS, 1) * take(points, COLUMNS, 1)
     ones = full(1, DOUBLE, points.size(), 1)
     moments = concatenate([ones, points, products], 1) * weights  # P x 10
-    # For the three other sums, float32 is enough.
-    heights = inner(normals, points) - dot(normals, centroids)
-    likeness = inner(normals, point_normals)
-    facing = dot(points, point_normals).reshape(1, -1) - inner(centroids, point_normals)
-    facing = facing.astype(REAL)
-    each = weights.reshape(1, -1).astype(REAL)
+    # For the three other sums, float32 is enough, once the offsets of points that all but coincide
+    # with a centroid are taken.
+    towards = dot(points, point_normals).reshape(1, -1) - inner(centroids, point_normals)
+    towards = towards.astype(REAL)
+    own, there, facing, each = (
+        array.astype(REAL) for array in (normals, points, point_normals, weights)
+    )
+    heights = inner(own, there) - dot(own, centroids.astype(REAL))
+    each = each.reshape(1, -1)
     others = [
-        absolute(heights.astype(REAL)) * each,
-        absolute(likeness.astype(REAL)) * each,
-        facing * facing / maximum(squares.astype(REAL), 1e-12) * each,
+        absolute(heights) * each,
+        absolute(inner(own, facing)) * each,
+        towards * towards / maximum(squares.astype(REAL), 1e-12) * each,
     ]
     sums = []
     for radius in RADII[:-1]:
         inside = squares <= radius * radius
-        of_others = [sum_over(where(inside, other, 0.0), 1, keepdims=True) for other in others]
+        within = inside.astype(REAL)
+        of_others = [sum_over(other * within, 1, keepdims=True) for other in others]
         of_points = matmul(inside.astype(DOUBLE), moments)
-        sums.append(concatenate([of_points, *(each.astype(DOUBLE) for each in of_others)], 1))
+        sums.append(concatenate([of_points, *(part.astype(DOUBLE) for part in of_others)], 1))
     whole = broadcast(sum_over(moments, 0, keepdims=True), centroids.size(), 10)
     of_others = [sum_over(other, 1, keepdims=True).astype(DOUBLE) for other in others]
     sums.append(concatenate([whole, *of_others], 1))

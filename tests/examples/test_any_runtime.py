@@ -1,17 +1,30 @@
 """Runtimes of other languages give the scores of the package for a whole pipeline."""
 
+import os
+import shutil
 import subprocess
 import sys
-from collections.abc import Sequence
+import threading
+from collections.abc import Iterator, Sequence
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from urllib.parse import urlencode
 
+import numpy as np
 import pytest
+from playwright.sync_api import Browser, expect
 
+from meshconv3d.model.loading import load_mesh
+from meshconv3d.model.mesh import Mesh
+from meshconv3d.model.samples import sample_paths
 from meshconv3d.service.models import Model
 from tests.examples.conftest import scores_of
+from tests.meshes import soup, write_off
+from tests.service.page.conftest import browser, chromium  # noqa: F401 (fixtures)
 
-ROOT = Path(__file__).parents[2]
-EXAMPLES = ROOT / "examples"
+EXAMPLES = Path(__file__).parents[2] / "examples"
+JAVASCRIPT = EXAMPLES / "javascript"
 
 
 def run(*command: object) -> list[str]:
@@ -20,7 +33,7 @@ def run(*command: object) -> list[str]:
         capture_output=True,
         text=True,
         cwd=EXAMPLES,
-        env={"PATH": "/usr/bin:/bin:/usr/local/bin", "ORT_DISABLE_TELEMETRY": "1"},
+        env={"PATH": os.environ["PATH"], "ORT_DISABLE_TELEMETRY": "1"},
         timeout=120,
     )
     assert done.returncode == 0, done.stderr
@@ -36,7 +49,18 @@ def assert_best(lines: Sequence[str], model: Model, mesh: Path) -> None:
         assert float(ours) == pytest.approx(theirs, abs=1e-3)
 
 
-@pytest.mark.parametrize("name", ["chair", "wolf", "car"])
+@pytest.fixture(scope="module")
+def node() -> str:
+    """Node.js, with the packages of the examples."""
+    program = shutil.which("node")
+    if program is None:
+        pytest.skip("no Node.js: apt-get install nodejs npm")
+    if not (JAVASCRIPT / "node_modules").is_dir():
+        pytest.skip("no packages: npm ci --ignore-scripts --prefix examples/javascript")
+    return program
+
+
+@pytest.mark.parametrize("name", ["chair", "wolf"])
 def test_python_with_onnxruntime_and_numpy_alone(
     whole_model: Path, model: Model, prepared_samples: dict[str, Path], name: str
 ) -> None:
@@ -46,9 +70,58 @@ def test_python_with_onnxruntime_and_numpy_alone(
     assert_best(lines, model, mesh)
 
 
-def test_the_example_takes_nothing_of_ours() -> None:
-    assert "meshconv3d" not in "".join(
-        line
-        for line in (EXAMPLES / "any_runtime.py").read_text().splitlines()
-        if line.startswith(("import", "from"))
-    )
+def test_the_python_example_takes_nothing_of_ours() -> None:
+    lines = (EXAMPLES / "any_runtime.py").read_text().splitlines()
+    imports = [line for line in lines if line.startswith(("import", "from"))]
+    assert imports == ["import json", "import sys", "import numpy as np", "import onnxruntime"]
+
+
+@pytest.mark.parametrize("name", ["chair", "wolf"])
+def test_node(
+    node: str, whole_model: Path, model: Model, prepared_samples: dict[str, Path], name: str
+) -> None:
+    mesh = prepared_samples[name]
+    assert_best(run(node, JAVASCRIPT / "node.js", whole_model, mesh), model, mesh)
+
+
+def test_a_mesh_that_is_not_prepared(node: str, whole_model: Path, tmp_path: Path) -> None:
+    """Of another unit and place, with open seams and faces turned over: a chair all the same."""
+    mesh = load_mesh(sample_paths()["chair"])
+    torn = soup(mesh)
+    faces = np.array(torn.faces)
+    faces[::3] = faces[::3, ::-1]
+    write_off(tmp_path / "chair.off", Mesh(torn.vertices * 40 + 7, faces))
+    (line,) = run(node, JAVASCRIPT / "any-mesh.js", whole_model, tmp_path / "chair.off")
+    assert line.startswith("chair ")
+
+
+@pytest.fixture(scope="module")
+def site(
+    node: str, whole_model: Path, prepared_samples: dict[str, Path], tmp_path_factory
+) -> Iterator[str]:
+    """The address of a server with the page of the example, the pipeline and the meshes."""
+    folder = tmp_path_factory.mktemp("site")
+    for path in (*JAVASCRIPT.iterdir(), *prepared_samples.values()):
+        (folder / path.name).symlink_to(path)
+    (folder / "whole.onnx").symlink_to(whole_model)
+    handler = partial(SimpleHTTPRequestHandler, directory=str(folder))
+    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        yield f"http://127.0.0.1:{server.server_port}"
+        server.shutdown()
+
+
+@pytest.mark.parametrize("name", ["chair", "wolf"])
+def test_a_browser(
+    site: str,
+    browser: Browser,  # noqa: F811
+    model: Model,
+    prepared_samples: dict[str, Path],
+    name: str,
+) -> None:
+    page = browser.new_page()
+    page.goto(f"{site}/index.html?" + urlencode({"model": "whole.onnx", "mesh": f"{name}.off"}))
+    shown = page.locator("pre")
+    expect(shown).not_to_be_empty()
+    assert_best(shown.inner_text().splitlines(), model, prepared_samples[name])
+    page.close()
