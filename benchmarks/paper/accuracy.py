@@ -50,12 +50,9 @@ class Protocol:
         return [*own, *self.options, *common]
 
 
+OBJECTS = ("--preset", "objects", "--copies", "0", "--bend", "0.2")
 PAPER = ("--preset", "paper", "--copies", "0")
 DEFAULT = ("--preset", "default")
-_CUBES = {
-    "paper": Training(40, PAPER),
-    "objects": Training(40, ("--preset", "objects", "--copies", "0", "--bend", "0.2")),
-}
 _MANY = {"paper": Training(35, PAPER), "default": Training(60, (*DEFAULT, "--copies", "2"))}
 # By command. The 120 epochs for split 10, of shorter epochs, were found on meshes held out of
 # training, and so were the options for cubes.
@@ -72,8 +69,15 @@ PROTOCOLS: dict[str, tuple[Protocol, ...]] = {
     ),
     "cubes": (
         # 170 of a class's 200 cubes: a silhouette may be on both sides.
-        Protocol("cubes, random split", _CUBES, ("--split", "random:170")),
-        Protocol("cubes, no silhouette on both sides", _CUBES),
+        Protocol(
+            "cubes, random split",
+            {"paper": Training(20, PAPER), "objects": Training(20, OBJECTS)},
+            ("--split", "random:170"),
+        ),
+        Protocol(
+            "cubes, no silhouette on both sides",
+            {"paper": Training(40, PAPER), "objects": Training(40, OBJECTS)},
+        ),
     ),
     "manifold40": (Protocol("Manifold40", _MANY),),
     "modelnet40": (Protocol("ModelNet40", _MANY),),
