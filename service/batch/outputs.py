@@ -1,7 +1,7 @@
 """Output of a batch: FILE.jsonl, FILE.csv or FILE.parquet, written so that runs can be resumed.
 
 JSON Lines on this machine are their own journal. Any other output is made of FILE.journal, beside
-it, once all files are done.
+it, once all files are done; a finished Parquet file is made one again, to add further files.
 """
 
 import base64
@@ -24,6 +24,8 @@ from meshconv3d.service.batch.resume import (
     LocalJournal,
     NotWritten,
     RemoteJournal,
+    as_entry,
+    check_run,
     entry,
     fault_of,
     is_settled,
@@ -81,12 +83,13 @@ class Output:
         self.journal_path = path if self._is_journal else f"{path}.journal"
         self._done = Done()
         self._settled = True
-        if not exists(self.journal_path) and exists(path):
+        self._finished = not exists(self.journal_path) and exists(path)
+        if self._finished and (form != "parquet" or is_url(path)):
             raise NotWritten(
                 f"{path} is there already, and finished, without the {self.journal_path} of a run "
                 "that --resume could go on with: name another file"
             )
-        if exists(self.journal_path) and not resume:
+        if exists(path if self._finished else self.journal_path) and not resume:
             raise NotWritten(
                 f"{path} is there already, or was begun: go on with it by --resume, or name "
                 "another file"
@@ -99,6 +102,9 @@ class Output:
         """
         self._run = run
         path = self.journal_path
+        if self._finished:
+            with replacing(Path(path)) as file:
+                write_lines(_read_parquet(self.path, run), file)
         self._journal = RemoteJournal(path) if is_url(path) else LocalJournal(Path(path))
         numbers = count(1)
 
@@ -220,6 +226,35 @@ def write_library(entries: Iterable[Entry], file: BinaryIO) -> None:
         return _plain(found) | {"picture": picture and base64.b64decode(picture)}
 
     _write_columns(map(row, entries), schema, file)
+
+
+def _read_parquet(path: str, run: str) -> Iterator[Entry]:
+    """The entries of a finished file. Raises NotWritten for one that this run did not write."""
+    import pyarrow as pa
+    from pyarrow.parquet import ParquetFile
+
+    try:
+        for batch in ParquetFile(path).iter_batches(ROW_GROUP):
+            for row in batch.to_pylist():
+                if row.get("picture"):
+                    row["picture"] = base64.b64encode(row["picture"]).decode()
+                found = as_entry(_without_nulls(row))
+                check_run(found, run, path)
+                yield found
+    except NotWritten:
+        raise
+    except (pa.ArrowInvalid, KeyError, ValueError):
+        raise NotWritten(
+            f"{path} is there already, and was not written by this command: name another file"
+        ) from None
+
+
+def _without_nulls(row: dict[str, Any]) -> dict[str, Any]:
+    """A row without the columns, and the stages, that its entry does not have."""
+    found = {name: cell for name, cell in row.items() if cell is not None}
+    times = {stage: ms for stage, ms in found.pop("timings_ms", {}).items() if ms is not None}
+    optional = {"unknown": None, "picture": None} if "error" not in found else {"sha256": None}
+    return optional | found | {"timings_ms": times}
 
 
 def _schema() -> "pa.Schema":

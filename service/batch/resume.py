@@ -11,7 +11,7 @@ import os
 import sqlite3
 import stat
 import time
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping
 from pathlib import Path
 from typing import BinaryIO, TypeAlias
 
@@ -71,7 +71,12 @@ def entry(
     added: dict[str, object] = {"sha256": sha256, "run": run}
     if isinstance(record, EmbeddedAnswer):
         added["picture"] = picture and base64.b64encode(picture).decode()
-    return _ENTRY.validate_python(dict(record) | added)
+    return as_entry(dict(record) | added)
+
+
+def as_entry(values: Mapping[str, object]) -> Entry:
+    """The entry of these values. Raises ValueError."""
+    return _ENTRY.validate_python(values)
 
 
 def is_settled(found: Entry) -> bool:
@@ -107,12 +112,17 @@ def kept_entry(line: bytes, number: int, run: str, path: str) -> Entry | None:
             f"{path}: line {number} is no record of this command, or damaged; take that line out, "
             "or name another file"
         ) from None
+    check_run(found, run, path)
+    return found if is_settled(found) else None
+
+
+def check_run(found: Entry, run: str, path: str) -> None:
+    """Raises NotWritten for an entry of another run."""
     if found.run != run:
         raise NotWritten(
             f"{path} was written by another model, or with another --top or other limits: resume "
             "with the same, or name another file"
         )
-    return found if is_settled(found) else None
 
 
 class LocalJournal:

@@ -62,6 +62,35 @@ def test_a_library_is_a_table_that_others_read(library: Path) -> None:
     assert all(row["picture"].startswith(b"\x89PNG") for row in embedded)
 
 
+def test_a_library_grows_by_what_has_come(
+    folder: Path, library: Path, model_file: Path, tmp_path: Path
+) -> None:
+    """What is there stays as it is, and is not classified again."""
+    (tmp_path / "more").mkdir()
+    write_off(tmp_path / "more" / "two.off", together(cube(), icosphere(1)))
+    grown = tmp_path / "library.parquet"
+    grown.write_bytes(library.read_bytes())
+    call = ("embed", folder, tmp_path / "more", "-o", grown, "--model", model_file)
+    assert "--resume" in meshconv3d(*call).stderr
+    done = meshconv3d(*call, "--resume")
+    assert "10 files: 9 classified, 1 refused (truncated 1), 9 of them earlier" in done.stderr
+    before, after = parquet.read_table(library), parquet.read_table(grown)
+    assert after.slice(0, 9).equals(before)
+    assert after["file"].to_pylist()[9:] == [str(tmp_path / "more" / "two.off")]
+
+
+def test_a_library_of_other_settings_is_not_touched(
+    folder: Path, library: Path, tmp_path: Path
+) -> None:
+    other = tmp_path / "library.parquet"
+    other.write_bytes(library.read_bytes())
+    done = meshconv3d("embed", folder, "-o", other, "--model", "shrec11", "--resume")
+    assert done.returncode == 2
+    assert "was written by another model" in done.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["library.parquet"]
+    assert other.read_bytes() == library.read_bytes()
+
+
 def test_copies_of_a_file_are_grouped_whatever_is_asked_for(
     library: Path, model_file: Path
 ) -> None:
