@@ -1,8 +1,9 @@
 """Classifier: the topology stage and the graph at run time, from a mesh to its prediction."""
 
 import os
+import threading
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Protocol, TypeAlias
@@ -27,6 +28,13 @@ from meshconv3d.service.prediction import Prediction
 # another triangulation of the sample by more than this.
 SELF_TEST_TOLERANCE = 1e-2
 
+# Opening a model takes a second or two, and much longer only where kernels are compiled.
+PATIENCE_SECONDS = 6.0
+COMPILING = (
+    "still starting; where the mesh kernels are not compiled yet, they are now, once, which takes "
+    "a minute or two"
+)
+
 # Stages that are timed, in order; the last one only for explanations.
 STAGES = ("read", "prepare", "topology", "infer", "explain")
 
@@ -50,6 +58,18 @@ class Scene(Protocol):
 FileSource: TypeAlias = str | os.PathLike[str] | bytes | bytearray | memoryview
 # A path or the bytes of a file; (vertices, faces); or an object of a library.
 MeshSource: TypeAlias = FileSource | tuple[ArrayLike, ArrayLike] | Mesh | TriangleMesh | Scene
+
+
+@contextmanager
+def slow_start_told(tell: Callable[[str], object]) -> Iterator[None]:
+    """Tell a person why it takes so long, where what is within it does: it opens a model."""
+    notice = threading.Timer(PATIENCE_SECONDS, tell, (COMPILING,))
+    notice.daemon = True
+    notice.start()
+    try:
+        yield
+    finally:
+        notice.cancel()
 
 
 class SelfTestError(Error):

@@ -5,6 +5,7 @@ import logging
 import resource
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -88,10 +89,10 @@ def load_classifier(model: str | None) -> "Classifier":
     A model that is missing, damaged, or does not give its own scores is a usage error.
     """
     from meshconv3d.model.errors import Error
-    from meshconv3d.service.classifier import Classifier
+    from meshconv3d.service.classifier import Classifier, slow_start_told
 
     settings = read_settings({})
-    with usage_errors(Error):
+    with usage_errors(Error), slow_start_told(partial(click.echo, err=True)):
         return Classifier.load(model or settings.models[0], settings.limits)
 
 
@@ -128,7 +129,7 @@ def pool_executor(
     mesh."""
     from meshconv3d.export.metadata import ModelFileError
     from meshconv3d.service.batch.running import Options, PoolExecutor
-    from meshconv3d.service.classifier import SelfTestError
+    from meshconv3d.service.classifier import SelfTestError, slow_start_told
     from meshconv3d.service.workers import NotStarted, WorkerPool
 
     # A worker that a file has ended is that file's record.
@@ -136,7 +137,8 @@ def pool_executor(
     try:
         with usage_errors(ModelFileError, SelfTestError):
             pool = WorkerPool(worker_setup(model, settings, pictured), settings.workers)
-            pool.start()
+            with slow_start_told(partial(click.echo, err=True)):
+                pool.start()
     except NotStarted as error:
         raise click.ClickException(str(error)) from None
     (info,) = pool.models.values()

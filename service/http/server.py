@@ -6,12 +6,12 @@ import logging
 import math
 import resource
 import socket
-import threading
 import time
 from types import FrameType
 
 import uvicorn
 
+from meshconv3d.service.classifier import slow_start_told
 from meshconv3d.service.http.admission import Admission
 from meshconv3d.service.http.app import create_app
 from meshconv3d.service.http.connections import CROWD, bounded_connection
@@ -30,13 +30,6 @@ KEEP_ALIVE_SECONDS = 75
 GARBAGE_THRESHOLD = 20_000
 # Connections that wait to be accepted, before the system refuses more.
 BACKLOG = 2048
-
-# Starting takes a second or two, and much longer only where kernels are compiled.
-PATIENCE_SECONDS = 6.0
-COMPILING = (
-    "still starting; where the mesh kernels are not compiled yet, they are now, once, which takes "
-    "a minute or two"
-)
 
 # Headers of every answer, against browsers that guess types. Strict-Transport-Security is up to the
 # proxy that ends TLS in front of the service.
@@ -75,13 +68,8 @@ def start_workers(settings: Settings) -> WorkerPool:
     setup = Setup(files, settings.limits, settings.worker_memory_bytes, settings.deadline_seconds)
     pool = WorkerPool(setup, settings.workers)
     log.info("starting %d workers", settings.workers)
-    notice = threading.Timer(PATIENCE_SECONDS, log.info, (COMPILING,))
-    notice.daemon = True
-    notice.start()
-    try:
+    with slow_start_told(log.info):
         pool.start()
-    finally:
-        notice.cancel()
     return pool
 
 

@@ -10,9 +10,11 @@ import pytest
 from meshconv3d.export.metadata import Probe
 from meshconv3d.model.errors import MeshError
 from meshconv3d.model.loading import load_mesh
-from meshconv3d.service.classifier import Classifier, SelfTestError
+from meshconv3d.service import classifier as classifier_module
+from meshconv3d.service.classifier import Classifier, SelfTestError, slow_start_told
 from meshconv3d.service.models import Model
 from tests.articulated import sample_paths
+from tests.processes import until
 
 
 @pytest.fixture(scope="module")
@@ -89,3 +91,14 @@ def test_the_self_test_fails_on_another_sample(classifier: Classifier, sample: s
 
 def with_probe(model: Model, probe: Probe) -> Model:
     return dataclasses.replace(model, card=dataclasses.replace(model.card, probe=probe))
+
+
+def test_a_slow_start_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    told: list[str] = []
+    with slow_start_told(told.append):
+        pass
+    monkeypatch.setattr(classifier_module, "PATIENCE_SECONDS", 0.01)
+    with slow_start_told(told.append):
+        until(lambda: told != [])
+    assert len(told) == 1
+    assert "kernels" in told[0]
