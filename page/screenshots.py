@@ -21,18 +21,16 @@ def main() -> None:
         program = shutil.which("chromium") or playwright.chromium.executable_path
         browser = playwright.chromium.launch(executable_path=program, args=SOFTWARE)
         for name, sample, options in (
-            ("page-light", "spiders", {"color_scheme": "light"}),
-            ("page-dark", "ants", {"color_scheme": "dark"}),
-            ("page-phone", "octopus", PHONE),
+            ("page-light", "car", {"color_scheme": "light"}),
+            ("page-dark", "chair", {"color_scheme": "dark"}),
+            ("page-phone", "train", PHONE),
         ):
             page = explained(browser, url, sample, options)
             page.screenshot(path=IMAGES / f"{name}.png")
-        for sample in ("hand", "glasses", "two balls"):
-            small = {"viewport": {"width": 480, "height": 700}}
-            page = explained(browser, url, sample, small)
-            path = IMAGES / f"evidence-{sample.replace(' ', '-')}.png"
+        for sample in ("train", "key", "wolf"):
+            page = explained(browser, url, sample, {"viewport": {"width": 480, "height": 900}})
             page.locator("#tools").evaluate("tools => { tools.hidden = true }")
-            page.locator("#stage").screenshot(path=path)
+            page.locator("#stage").screenshot(path=IMAGES / f"evidence-{sample}.png")
         browser.close()
 
 
@@ -40,11 +38,9 @@ def explained(browser: Browser, url: str, sample: str, options: dict) -> Page:
     """The page with the evidence for a sample's likeliest class."""
     page = browser.new_context(reduced_motion="reduce", **options).new_page()
     page.goto(url)
-    expect(page.locator("#sample-list img")).to_have_count(10, timeout=60_000)
+    expect(page.locator("#sample-list img")).to_have_count(12, timeout=60_000)
     page.locator("#sample-list .card").filter(has_text=sample).click()
-    page.locator(".bars button").first.click()
     expect(page.locator("#legend")).to_be_visible(timeout=60_000)
-    page.evaluate("scrollTo(0, 0)")
     page.mouse.move(1, 1)
     page.wait_for_timeout(800)
     return page

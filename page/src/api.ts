@@ -54,6 +54,9 @@ export interface Library {
 export interface Model {
   name: string;
   config: { classes: string[]; pooling: "geometric" | "learned" };
+  /** Shares that are classified rightly: of test meshes, or of examples that were left out. */
+  accuracy: { test?: number; left_out?: number };
+  training: { taught?: { examples: Record<string, number> } } | null;
 }
 
 export interface Sample {
@@ -133,8 +136,12 @@ export async function similar(files: File[]): Promise<Alike[]> {
 }
 
 /** A file explained, in one of the media types that the service offers. */
-export const explain = (files: File[], query: { model?: string; class?: string }, accept: string) =>
-  post(files, "v1/explain", query, accept, () => {});
+export const explain = (
+  files: File[],
+  query: { model?: string; class?: string },
+  accept: string,
+  signal?: AbortSignal,
+) => post(files, "v1/explain", query, accept, () => {}, signal);
 
 // fetch() cannot tell how much of a body is sent.
 function post(
@@ -143,6 +150,7 @@ function post(
   query: Record<string, string>,
   accept: string,
   progress: Progress,
+  signal?: AbortSignal,
 ): Promise<Blob> {
   return new Promise((resolve, reject) => {
     const request = new XMLHttpRequest();
@@ -154,6 +162,8 @@ function post(
       if (event.lengthComputable) progress(event.loaded / event.total);
     };
     request.onerror = () => reject(SILENT);
+    request.onabort = () => reject(signal?.reason);
+    signal?.addEventListener("abort", () => request.abort());
     request.onload = async () => {
       const body = request.response as Blob;
       if (request.status === 200) resolve(body);

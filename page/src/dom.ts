@@ -18,3 +18,5 @@ export function make<Tag extends keyof HTMLElementTagNameMap>(
   element.append(...children);
   return element;
 }
+
+export const isPressed = (button: HTMLElement) => button.getAttribute("aria-pressed") === "true";

@@ -29,36 +29,38 @@ export class Entry {
   /** null: not read yet, or nothing that the page can draw. */
   shown: Shown | null = null;
   unreadable = false;
+  /** Whether the third axis is up, and not the second. */
+  zUp = false;
   picture: string | null = null;
   explained = new Map<string, Explained>();
-  /** The class whose evidence is on the surface, or none. */
+  /** The class that was chosen to be explained; null: the likeliest. */
   chosen: string | null = null;
-  /** The class that was chosen last, whose evidence may be on its way. */
-  wanted: string | null = null;
+  /** Ends the explanation that is being computed. */
+  explaining: AbortController | null = null;
   explainError: Refused | null = null;
+  /** The answer of another model that is surer; undefined: the others were not asked. */
+  surer: Answer | null | undefined = undefined;
   /** Meshes of the library that are like it; null: not asked for. */
   similar: Alike[] | null = null;
   searching = false;
   /** Whether all classes are listed, or only the likeliest. */
   allClasses = false;
-  zUp: boolean;
 
   constructor(
     readonly file: File,
     /** Files that it refers to: the buffers of a glTF. */
     readonly pieces: File[],
-    zUp: boolean,
     public model: string,
-  ) {
-    this.zUp = zUp;
-  }
+  ) {}
 
   /** Begin anew, with a model. */
   forget(model: string): void {
     this.model = model;
     this.state = { step: "sending", share: 0 };
+    this.explaining?.abort();
     this.explained.clear();
-    this.chosen = this.wanted = this.explainError = null;
+    this.chosen = this.explainError = null;
+    this.surer = undefined;
   }
 
   /** Why there is no answer, or no explanation. */
@@ -68,5 +70,14 @@ export class Entry {
 
   get answer(): Answer | null {
     return this.state.step === "done" ? this.state.answer : null;
+  }
+
+  get files(): File[] {
+    return [this.file, ...this.pieces];
+  }
+
+  /** The class that is explained. */
+  get label(): string {
+    return this.chosen ?? this.answer!.class;
   }
 }

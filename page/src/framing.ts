@@ -3,9 +3,11 @@
 import type { Shown } from "./parsing";
 
 /** Of the camera, in degrees from top to bottom. */
-export const FIELD_OF_VIEW = 38;
+export const FIELD_OF_VIEW = 30;
 /** From the upright axis, as it looks down a little; in radians. */
 export const POLAR_ANGLE = 1.25;
+// Around the mesh, as a share of its size.
+const MARGIN = 0.05;
 
 /** How far a mesh reaches: from its middle upwards, and from its upright axis. */
 export interface Extent {
@@ -24,10 +26,14 @@ export function extentOf({ positions }: Shown, zUp: boolean): Extent {
   return { height, radius: Math.sqrt(squared) };
 }
 
-/** Distance of the camera. aspect: width over height of the picture. */
+/** Distance of the camera from which the cylinder around a mesh is in view. aspect: width over
+ * height of the picture. */
 export function distanceFor({ height, radius }: Extent, aspect: number): number {
-  const slope = Math.tan((FIELD_OF_VIEW * Math.PI) / 360);
-  const seenHeight = height * Math.sin(POLAR_ANGLE) + radius * Math.cos(POLAR_ANGLE);
-  // What is nearer than the middle looks larger.
-  return Math.max(seenHeight / slope, radius / (slope * aspect)) + radius / 4;
+  const slope = Math.tan((FIELD_OF_VIEW * Math.PI) / 360) / (1 + MARGIN);
+  const [sin, cos] = [Math.sin(POLAR_ANGLE), Math.cos(POLAR_ANGLE)];
+  // The rim's farthest points above and below, and to the side; what is nearer looks larger.
+  const below = (height * sin + radius * cos) / slope + radius * sin - height * cos;
+  const above = (height * sin + radius * cos) / slope - radius * sin + height * cos;
+  const beside = radius * Math.hypot(1 / (slope * aspect), sin) + height * cos;
+  return Math.max(below, above, beside);
 }

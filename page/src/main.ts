@@ -1,57 +1,80 @@
 // The page: wires what people do to the visit, and the visit to what is shown.
 
 import * as api from "./api";
-import { byId, make } from "./dom";
+import { csvOf } from "./csv";
+import { byId, isPressed, make } from "./dom";
+import type { Entry } from "./entries";
 import { chosen, dropped, gathered, type Found } from "./files";
 import { KeyForm } from "./key";
-import { panel } from "./panel/result";
+import { ModelMenu } from "./models";
+import { type Actions, panel } from "./panel/result";
 import { readForView } from "./parsing";
-import { isZUp } from "./parsing/formats";
-import { entryCard, picture, sampleCard } from "./shelf";
+import { byVerdict, entryCard, picture, sampleCard } from "./shelf";
 import { Stage } from "./stage";
 import { thumbnail } from "./thumbnails";
+import { isZUp } from "./upright";
 import { type Form, Visit } from "./visit";
 import { megabytes } from "./words";
 
 const result = byId("result");
 const entryList = byId("entries");
-const modelPicker = byId<HTMLSelectElement>("model");
+const sorted = byId<HTMLButtonElement>("sort");
 const fileInput = byId<HTMLInputElement>("files");
 const dropHint = byId("drop-hint");
 
 const say = (words: string) => {
   byId("status").textContent = words;
 };
-const visit = new Visit(render, say);
+const visit = new Visit(changed, say);
 const stage = new Stage(() => visit.current && visit.turnUpright(visit.current));
 const keyForm = new KeyForm(() => (visit.models.length ? askAgain() : begin()));
+const models = new ModelMenu(() => {
+  for (const entry of visit.entries) visit.ask(entry, models.chosen);
+});
 let extensions: string[] = []; // of files that the service reads
 const add = async (found: Found[]) =>
-  visit.add(await gathered(found, extensions), modelPicker.value);
+  visit.add(await gathered(found, extensions), models.chosen);
+
+let rendering = 0;
+
+function changed(): void {
+  cancelAnimationFrame(rendering);
+  rendering = requestAnimationFrame(render);
+}
 
 function render(): void {
   const refused = visit.entries.find((one) => one.error?.wantsKey)?.error;
   if (refused) keyForm.ask(refused);
   const entry = visit.current;
-  if (!entry) return;
-  stage.show(entry, visit.explains(entry));
+  const explains = entry !== null && visit.explains(entry);
+  stage.show(entry, explains ? visit.evidence : null, (on) => visit.showEvidence(entry!, on));
   keepFocus(result, () =>
     result.replaceChildren(
-      ...panel(entry, visit.explains(entry), {
-        choose: (label) => void visit.choose(entry, label),
-        retry: () => visit.ask(entry, modelPicker.value),
-        save: (form) => void save(form),
-        search: visit.library && (() => void visit.search(entry)),
-      }),
+      ...(entry ? panel(entry, explains, visit.evidence, actionsOn(entry)) : []),
     ),
   );
   byId("shelf").hidden = visit.entries.length < 2;
+  const listed = isPressed(sorted) ? byVerdict(visit.entries) : visit.entries;
+  const remove = (one: Entry) => visit.remove([one]);
+  const select = (one: Entry) => visit.select(one);
   keepFocus(entryList, () =>
     entryList.replaceChildren(
-      ...visit.entries.map((one) => entryCard(one, one === entry, () => visit.select(one))),
+      ...listed.map((one) => entryCard(one, one === entry, { select, remove })),
     ),
   );
 }
+
+const actionsOn = (entry: Entry): Actions => ({
+  choose: (label) => visit.choose(entry, label),
+  expand: () => {
+    entry.allClasses = !entry.allClasses;
+    changed();
+  },
+  retry: () => visit.ask(entry, entry.model),
+  take: (answer) => visit.take(entry, answer),
+  save: (form) => save(entry, form),
+  search: visit.library && (() => void visit.search(entry)),
+});
 
 /** Elements are made anew; the one in the place of the focused one gets its focus. */
 function keepFocus(box: HTMLElement, change: () => void): void {
@@ -61,9 +84,12 @@ function keepFocus(box: HTMLElement, change: () => void): void {
   if (index >= 0) buttons()[index]?.focus({ preventScroll: true });
 }
 
-async function save(form: Form): Promise<void> {
-  const file = await visit.download(visit.current!, form);
-  if (!file) return;
+async function save(entry: Entry, form: Form): Promise<void> {
+  const file = await visit.download(entry, form);
+  if (file) download(file);
+}
+
+function download(file: File): void {
   const link = make("a", { href: URL.createObjectURL(file), download: file.name });
   link.click();
   setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
@@ -87,20 +113,23 @@ function listen(): void {
     dropHint.hidden = true;
     if (event.dataTransfer) void dropped(event.dataTransfer).then(add);
   });
-  modelPicker.onchange = () => {
-    for (const entry of visit.entries) visit.ask(entry, modelPicker.value);
+  sorted.onclick = () => {
+    sorted.setAttribute("aria-pressed", String(!isPressed(sorted)));
+    changed();
   };
+  byId("clear").onclick = () => visit.remove([...visit.entries]);
+  byId("csv").onclick = () => download(new File([csvOf(visit.entries)], "meshes.csv"));
 }
 
 /** Ask anew for what failed for want of a key. */
 function askAgain(): void {
   for (const entry of visit.entries) {
-    if (entry.error?.wantsKey) visit.ask(entry, modelPicker.value);
+    if (entry.error?.wantsKey) visit.ask(entry, entry.model);
   }
 }
 
 async function start(): Promise<void> {
-  const [models, limits, read, library] = await Promise.all([
+  const [served, limits, read, library] = await Promise.all([
     api.models(),
     api.limits(),
     api.formats(),
@@ -110,12 +139,11 @@ async function start(): Promise<void> {
   const installed = read.filter((format) => !format.missing_extra);
   extensions = installed.flatMap(({ extension, aliases }) => [extension, ...aliases]);
   fileInput.accept = [...extensions, "bin"].map((extension) => `.${extension}`).join(",");
-  visit.models = models;
+  visit.models = served;
   visit.mostBytes = limits.upload_bytes;
   const formats = installed.map(({ extension }) => extension.toUpperCase()).join(" · ");
   byId("accepted").textContent = `${formats}, up to ${megabytes(limits.upload_bytes)}`;
-  modelPicker.replaceChildren(...models.map(({ name }) => new Option(name)));
-  byId("picker").hidden = false;
+  models.fill(served);
   await showSamples();
 }
 
@@ -123,11 +151,11 @@ async function showSamples(): Promise<void> {
   const samples = await api.samples();
   const cards = samples.map((sample) => sampleCard(sample, () => void open(sample)));
   byId("sample-list").replaceChildren(...cards.map(({ card }) => card));
-  byId("samples").hidden = false;
+  byId("samples").hidden = byId("samples-hint").hidden = false;
   for (const [i, { image }] of cards.entries()) {
     const file = await api.sampleFile(samples[i]);
     const shown = await readForView(file, file.name).catch(() => visit.servedMesh(file));
-    image.replaceWith(picture(shown && thumbnail(shown, isZUp(file.name))));
+    image.replaceWith(picture(shown && thumbnail(shown, isZUp(file.name, shown.positions))));
   }
 }
 

@@ -5,7 +5,12 @@ import { make } from "./dom";
 import type { Entry } from "./entries";
 import { plain, verdict } from "./words";
 
-export function entryCard(entry: Entry, current: boolean, select: () => void): HTMLElement {
+export interface EntryActions {
+  select(entry: Entry): void;
+  remove(entry: Entry): void;
+}
+
+export function entryCard(entry: Entry, current: boolean, actions: EntryActions): HTMLElement {
   const { state } = entry;
   const words = {
     sending: "sending …",
@@ -15,13 +20,33 @@ export function entryCard(entry: Entry, current: boolean, select: () => void): H
   }[state.step];
   const card = make(
     "button",
-    { type: "button", className: `card ${state.step}`, onclick: select },
+    {
+      type: "button",
+      className: `card ${state.step}`,
+      title: entry.file.name,
+      onclick: () => actions.select(entry),
+    },
     picture(entry.picture),
     make("span", { className: "card-name", textContent: entry.file.name }),
     make("span", { className: "card-verdict", textContent: words }),
   );
   if (current) card.setAttribute("aria-current", "true");
-  return make("li", {}, card);
+  const remove = make("button", {
+    type: "button",
+    className: "remove",
+    textContent: "×",
+    title: "Remove",
+    aria: { label: `Remove ${entry.file.name}` },
+    onclick: () => actions.remove(entry),
+  });
+  return make("li", {}, card, remove);
+}
+
+/** Entries by what they are: class by class, the surest first; then unknown ones, then the rest. */
+export function byVerdict(entries: Entry[]): Entry[] {
+  const key = ({ answer }: Entry) => (!answer ? "2" : answer.unknown ? "1" : `0${answer.class}`);
+  const sureness = (entry: Entry) => entry.answer?.probability ?? 0;
+  return entries.toSorted((a, b) => key(a).localeCompare(key(b)) || sureness(b) - sureness(a));
 }
 
 /** A sample's card, and the place of its picture, which comes later. */

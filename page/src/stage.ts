@@ -1,6 +1,6 @@
 // The stage: the view, and what stands around the mesh in it.
 
-import { byId } from "./dom";
+import { byId, isPressed } from "./dom";
 import type { Entry, Legend } from "./entries";
 import type { Shown } from "./parsing";
 import { Viewer } from "./viewer";
@@ -8,55 +8,71 @@ import { count, plain, signed } from "./words";
 
 const canvas = byId<HTMLCanvasElement>("view");
 const spin = byId<HTMLButtonElement>("spin");
+const wires = byId<HTMLButtonElement>("wires");
 const upright = byId<HTMLButtonElement>("upright");
+const toggle = byId<HTMLButtonElement>("evidence");
 
 export class Stage {
   private readonly viewer: Viewer | null;
   /** What the view has now. */
-  private drawn: { shown: Shown; zUp: boolean } | null = null;
+  private drawn: { entry: Entry; shown: Shown; zUp: boolean } | null = null;
 
   constructor(turnUpright: () => void) {
     this.viewer = viewerOn(canvas);
-    spin.onclick = () => this.spin(spin.getAttribute("aria-pressed") !== "true");
+    spin.onclick = () => this.spin(!isPressed(spin));
+    wires.onclick = () => this.wires(!isPressed(wires));
     byId("reset").onclick = () => this.viewer?.reset();
     upright.onclick = turnUpright;
     if (this.viewer) this.viewer.onTouched = () => this.spin(false);
     this.spin(!matchMedia("(prefers-reduced-motion: reduce)").matches);
   }
 
-  /** explains: whether there can be evidence to show. */
-  show(entry: Entry, explains: boolean): void {
-    const explained = entry.chosen ? entry.explained.get(entry.chosen) : undefined;
-    const shown = explained?.shown ?? entry.shown;
-    byId("empty").hidden = true;
+  /** entry: null for none. evidence: whether it is to be shown; null where there can be none.
+   * showEvidence: what the control for it does. */
+  show(entry: Entry | null, evidence: boolean | null, showEvidence: (on: boolean) => void): void {
+    const answered = entry?.answer ? entry : null;
+    const explained = answered && evidence ? answered.explained.get(answered.label) : undefined;
+    // The colours of before stay until others are there.
+    const waits = Boolean(entry && evidence && entry.explaining && this.drawn?.entry === entry);
+    const shown = explained?.shown ?? (waits ? this.drawn!.shown : (entry?.shown ?? null));
+    byId("empty").hidden = Boolean(entry);
     canvas.hidden = byId("tools").hidden = !this.viewer || !shown;
-    this.draw(shown, entry.zUp);
-    upright.setAttribute("aria-pressed", String(entry.zUp));
-    const look = entry.chosen ? `evidence for ${plain(entry.chosen)} in colours` : "in grey";
-    canvas.setAttribute("aria-label", `${entry.file.name} in 3D, ${look}`);
-    canvas.dataset.shows = shown ? (entry.chosen ?? "mesh") : "nothing";
+    this.draw(entry, shown);
     this.note(entry, shown);
-    showLegend(explained?.legend);
-    byId("hint").hidden = !entry.answer || !explains || Boolean(explained);
+    const strip = byId("strip");
+    strip.hidden = !answered || evidence === null || !shown;
+    if (answered && evidence !== null) describe(answered, evidence, explained?.legend);
+    toggle.onclick = () => showEvidence(toggle.dataset.does === "show");
+    if (!entry) return;
+    upright.setAttribute("aria-pressed", String(entry.zUp));
+    if (waits && !explained) return;
+    const look = explained ? `evidence for ${plain(entry.label)} in colours` : "in grey";
+    canvas.setAttribute("aria-label", `${entry.file.name} in 3D, ${look}`);
+    canvas.dataset.shows = explained ? entry.label : shown ? "mesh" : "nothing";
   }
 
-  private draw(shown: Shown | null, zUp: boolean): void {
-    if (shown === (this.drawn?.shown ?? null) && zUp === this.drawn?.zUp) return;
-    this.drawn = shown && { shown, zUp };
-    if (shown) this.viewer?.show(shown, zUp);
-    else this.viewer?.clear();
+  private draw(entry: Entry | null, shown: Shown | null): void {
+    if (!entry || !shown) {
+      this.drawn = null;
+      this.viewer?.clear();
+      return;
+    }
+    const { zUp } = entry;
+    if (shown === this.drawn?.shown && zUp === this.drawn.zUp) return;
+    this.drawn = { entry, shown, zUp };
+    this.viewer?.show(shown, zUp);
   }
 
-  private note(entry: Entry, shown: Shown | null): void {
+  private note(entry: Entry | null, shown: Shown | null): void {
     const note = byId("view-note");
     note.classList.toggle("alone", !shown || !this.viewer);
-    note.textContent = this.words(entry, shown);
+    note.textContent = entry && this.words(entry, shown);
     note.hidden = !note.textContent;
   }
 
   private words(entry: Entry, shown: Shown | null): string {
     if (!this.viewer) return "This browser shows no 3D: WebGL is off. The result does without.";
-    if (!shown) return entry.unreadable ? "There is nothing to draw" : "Reading …";
+    if (!shown) return entry.unreadable && !entry.explaining ? "There is nothing to draw" : "Reading …";
     const faces = shown.positions.length / 9;
     return faces < shown.faces ? `Drawn with ${count(faces)} of ${count(shown.faces)} faces` : "";
   }
@@ -64,6 +80,11 @@ export class Stage {
   private spin(on: boolean): void {
     spin.setAttribute("aria-pressed", String(on));
     if (this.viewer) this.viewer.spinning = on;
+  }
+
+  private wires(on: boolean): void {
+    wires.setAttribute("aria-pressed", String(on));
+    if (this.viewer) this.viewer.wireframe = on;
   }
 }
 
@@ -75,10 +96,21 @@ function viewerOn(element: HTMLCanvasElement): Viewer | null {
   }
 }
 
-function showLegend(legend: Legend | undefined): void {
+/** The strip below the view: what the colours mean, and the control that shows and hides them. */
+function describe(entry: Entry, evidence: boolean, legend: Legend | undefined): void {
+  const label = plain(entry.label);
+  const error = evidence && !legend && !entry.explaining ? entry.explainError : null;
+  const computing = evidence && !legend && !error;
   byId("legend").hidden = !legend;
+  byId("computing").hidden = !computing;
+  byId("strip-title").textContent = error
+    ? error.message
+    : computing
+      ? `Finding what speaks for ${label} …`
+      : `What speaks for ${label}`;
+  toggle.dataset.does = error || !evidence ? "show" : "hide";
+  toggle.textContent = error ? "Try again" : !evidence ? "Show" : computing ? "Cancel" : "Hide";
   if (!legend) return;
-  byId("legend-title").textContent = `What speaks for ${plain(legend.class)}`;
   byId("legend-scale").style.background = `linear-gradient(90deg, ${legend.colours.join(", ")})`;
   const faces = legend.score - legend.bias;
   byId("legend-sum").textContent =

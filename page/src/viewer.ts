@@ -1,85 +1,26 @@
 // The mesh in 3D. It draws only when something moves.
 
-import {
-  BufferAttribute,
-  BufferGeometry,
-  DirectionalLight,
-  DoubleSide,
-  Group,
-  HemisphereLight,
-  Mesh,
-  MeshStandardMaterial,
-  PerspectiveCamera,
-  Scene,
-  Spherical,
-  WebGLRenderer,
-} from "three";
+import { Spherical } from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
-import { type Extent, FIELD_OF_VIEW, POLAR_ANGLE, distanceFor, extentOf } from "./framing";
 import type { Shown } from "./parsing";
+import { Studio } from "./studio";
 
-const AZIMUTH = 0.6;
 const NEAREST = 0.8;
 const FARTHEST = 12;
 const TURN = 0.15;
 const ZOOM = 1.12;
 
-export function geometryOf(shown: Shown): BufferGeometry {
-  const geometry = new BufferGeometry();
-  geometry.setAttribute("position", new BufferAttribute(shown.positions, 3));
-  if (shown.colours) geometry.setAttribute("color", new BufferAttribute(shown.colours, 3));
-  return geometry;
-}
-
-export function materialFor(coloured: boolean): MeshStandardMaterial {
-  return new MeshStandardMaterial({
-    color: coloured ? 0xffffff : 0xb9c4d6,
-    vertexColors: coloured,
-    flatShading: true,
-    metalness: 0,
-    roughness: coloured ? 1 : 0.75,
-    side: DoubleSide,
-  });
-}
-
-const startFrom = (distance: number) => new Spherical(distance, POLAR_ANGLE, AZIMUTH);
-
-/** A camera that looks at the origin, with lights that go where it goes. */
-export function cameraWithLights(distance: number): PerspectiveCamera {
-  const camera = new PerspectiveCamera(FIELD_OF_VIEW, 1, 0.01, 50);
-  camera.position.setFromSpherical(startFrom(distance));
-  camera.lookAt(0, 0, 0);
-  const key = new DirectionalLight(0xffffff, 1.9);
-  key.position.set(-0.6, 1, 1);
-  const fill = new DirectionalLight(0xffffff, 0.7);
-  fill.position.set(1, -0.3, 0.6);
-  camera.add(key, fill);
-  return camera;
-}
-
-export function sceneWith(camera: PerspectiveCamera): Scene {
-  const scene = new Scene();
-  scene.add(new HemisphereLight(0xffffff, 0x8a8f9c, 1.25), camera);
-  return scene;
-}
-
 export class Viewer {
-  private readonly renderer: WebGLRenderer;
-  private readonly camera = cameraWithLights(3);
-  private readonly scene = sceneWith(this.camera);
-  private readonly holder = new Group();
+  private readonly studio: Studio;
   private readonly controls: OrbitControls;
-  private mesh: Mesh<BufferGeometry, MeshStandardMaterial> | null = null;
-  private extent: Extent | null = null;
   private asked = false;
   private drawnAt = 0;
 
   /** Throws where there is no WebGL. */
   constructor(private readonly canvas: HTMLCanvasElement) {
-    this.renderer = new WebGLRenderer({ canvas, antialias: true, alpha: true });
-    this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
-    this.scene.add(this.holder);
-    this.controls = new OrbitControls(this.camera, canvas);
+    this.studio = new Studio(canvas);
+    this.studio.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
+    this.controls = new OrbitControls(this.studio.camera, canvas);
     this.controls.enableDamping = true;
     this.controls.enablePan = false;
     this.controls.minDistance = NEAREST;
@@ -89,31 +30,28 @@ export class Viewer {
     this.controls.addEventListener("start", () => this.onTouched());
     canvas.addEventListener("keydown", (event) => this.key(event));
     new ResizeObserver(() => this.resize()).observe(canvas.parentElement!);
+    this.reset();
   }
 
   /** Called when somebody takes the mesh in hand. */
   onTouched: () => void = () => {};
 
   show(shown: Shown, zUp: boolean): void {
-    this.clear();
-    this.mesh = new Mesh(geometryOf(shown), materialFor(shown.colours !== null));
-    this.mesh.rotation.x = zUp ? -Math.PI / 2 : 0;
-    this.holder.add(this.mesh);
-    this.resize();
-    this.frame(extentOf(shown, zUp));
+    const before = this.studio.extent;
+    this.studio.show(shown, zUp);
+    const { extent } = this.studio;
+    const alike = (a: number, b: number) => Math.abs(a - b) < 0.01;
+    if (!alike(before.height, extent.height) || !alike(before.radius, extent.radius)) this.frame();
+    this.draw();
   }
 
   clear(): void {
-    if (!this.mesh) return;
-    this.holder.remove(this.mesh);
-    this.mesh.geometry.dispose();
-    this.mesh.material.dispose();
-    this.mesh = null;
+    this.studio.clear();
     this.draw();
   }
 
   reset(): void {
-    this.place(startFrom(this.distance()));
+    this.place(this.studio.front());
   }
 
   set spinning(on: boolean) {
@@ -121,8 +59,13 @@ export class Viewer {
     this.draw();
   }
 
+  set wireframe(on: boolean) {
+    this.studio.wireframe = on;
+    this.draw();
+  }
+
   private key(event: KeyboardEvent): void {
-    const place = new Spherical().setFromVector3(this.camera.position);
+    const place = this.where();
     const moves: Record<string, () => void> = {
       ArrowLeft: () => (place.theta -= TURN),
       ArrowRight: () => (place.theta += TURN),
@@ -131,7 +74,7 @@ export class Viewer {
       "+": () => (place.radius /= ZOOM),
       "=": () => (place.radius /= ZOOM),
       "-": () => (place.radius *= ZOOM),
-      Home: () => place.copy(startFrom(this.distance())),
+      Home: () => place.copy(this.studio.front()),
     };
     const move = moves[event.key];
     if (!move || event.ctrlKey || event.metaKey || event.altKey) return;
@@ -142,19 +85,15 @@ export class Viewer {
     this.place(place.makeSafe());
   }
 
-  /** Go as near as the mesh allows, unless it reaches as far as the one before. */
-  private frame(extent: Extent): void {
-    const before = this.extent;
-    this.extent = extent;
-    const alike = (a: number, b: number) => Math.abs(a - b) < 0.01;
-    if (before && alike(before.height, extent.height) && alike(before.radius, extent.radius)) return;
-    const place = new Spherical().setFromVector3(this.camera.position);
-    place.radius = this.distance();
-    this.place(place);
+  private where(): Spherical {
+    return new Spherical().setFromVector3(this.studio.camera.position);
   }
 
-  private distance(): number {
-    return this.extent ? distanceFor(this.extent, this.camera.aspect) : 3;
+  /** Go as near as the mesh allows, from the same side. */
+  private frame(): void {
+    const place = this.where();
+    place.radius = this.studio.front().radius;
+    this.place(place);
   }
 
   /** Put the camera somewhere, and end what still moves it after a drag. */
@@ -162,17 +101,20 @@ export class Viewer {
     this.controls.enableDamping = false;
     this.controls.update();
     this.controls.enableDamping = true;
-    this.camera.position.setFromSpherical(where);
+    this.studio.camera.position.setFromSpherical(where);
     this.controls.update();
     this.draw();
   }
 
   private resize(): void {
     const { clientWidth: width, clientHeight: height } = this.canvas.parentElement!;
+    const { camera, renderer } = this.studio;
     if (!width || !height) return;
-    this.renderer.setSize(width, height, false);
-    this.camera.aspect = width / height;
-    this.camera.updateProjectionMatrix();
+    const framed = Math.abs(this.where().radius - this.studio.front().radius) < 0.01;
+    renderer.setSize(width, height, false);
+    camera.aspect = width / height;
+    camera.updateProjectionMatrix();
+    if (framed) this.frame();
     this.draw();
   }
 
@@ -184,9 +126,9 @@ export class Viewer {
       // At the same speed however slow the frames are, and without a leap after a pause.
       this.controls.update(Math.min((now - this.drawnAt) / 1000, 0.1));
       this.drawnAt = now;
-      this.renderer.render(this.scene, this.camera);
+      this.studio.render();
       // Damping asks for further frames by itself, as long as it moves the camera.
-      if (this.controls.autoRotate && this.mesh) this.draw();
+      if (this.controls.autoRotate && this.studio.shows) this.draw();
     });
   }
 }

@@ -4,9 +4,9 @@ import * as api from "./api";
 import { Entry, type Explained, type Legend } from "./entries";
 import type { Parts } from "./files";
 import { readForView, type Shown } from "./parsing";
-import { isZUp } from "./parsing/formats";
 import { thumbnail } from "./thumbnails";
-import { megabytes, plain, verdict } from "./words";
+import { isZUp } from "./upright";
+import { isWeak, megabytes, plain, verdict } from "./words";
 
 // Requests that are under way together.
 const AT_ONCE = 2;
@@ -25,7 +25,9 @@ export class Visit {
   models: api.Model[] = [];
   library: api.Library | null = null;
   mostBytes = Infinity;
-  private readonly queue: Entry[] = [];
+  /** Whether evidence is shown. */
+  evidence = true;
+  private queue: Entry[] = [];
   private running = 0;
 
   /** changed: something is to be shown anew; say: something is to be heard. */
@@ -35,7 +37,7 @@ export class Visit {
   ) {}
 
   add(parts: Parts[], model: string): void {
-    const added = parts.map(({ file, pieces }) => new Entry(file, pieces, isZUp(file.name), model));
+    const added = parts.map(({ file, pieces }) => new Entry(file, pieces, model));
     this.entries.push(...added);
     for (const entry of added) {
       void this.draw(entry);
@@ -44,9 +46,21 @@ export class Visit {
     if (added.length) this.select(added[0]);
   }
 
-  select(entry: Entry): void {
+  select(entry: Entry | null): void {
     this.current = entry;
     this.changed();
+    if (entry) void this.look(entry);
+  }
+
+  remove(entries: Entry[]): void {
+    const place = this.entries.indexOf(this.current!);
+    for (const entry of entries) {
+      entry.explaining?.abort();
+      this.entries.splice(this.entries.indexOf(entry), 1);
+    }
+    this.queue = this.queue.filter((entry) => this.entries.includes(entry));
+    if (this.entries.includes(this.current!)) this.changed();
+    else this.select(this.entries[Math.min(place, this.entries.length - 1)] ?? null);
   }
 
   turnUpright(entry: Entry): void {
@@ -75,32 +89,31 @@ export class Visit {
     return model?.config.pooling !== "learned";
   }
 
-  /** Show the evidence for a class, or the bare mesh if it is shown already. */
-  async choose(entry: Entry, label: string): Promise<void> {
-    entry.explainError = null;
-    if (entry.chosen === label) {
-      entry.chosen = entry.wanted = null;
-      this.changed();
-      return;
-    }
-    entry.wanted = label;
+  /** Show the evidence for a class. */
+  choose(entry: Entry, label: string): void {
+    entry.chosen = label;
+    this.showEvidence(entry, true);
+  }
+
+  /** Show evidence on this mesh and those that are looked at later, or the bare meshes. */
+  showEvidence(entry: Entry, on: boolean): void {
+    this.evidence = on;
+    entry.explaining?.abort();
     this.changed();
-    const explained = await this.attempt(entry, () => this.explained(entry, label));
-    if (entry.wanted !== label) return; // another was chosen meanwhile
-    if (explained) {
-      entry.chosen = label;
-      this.say(`The surface shows the evidence for ${plain(label)}`);
-    } else {
-      entry.wanted = entry.chosen;
-    }
-    this.changed();
+    void this.explain(entry);
+  }
+
+  /** Take the answer of a model that is surer. */
+  take(entry: Entry, answer: api.Answer): void {
+    entry.forget(answer.model.name);
+    void this.answered(entry, answer);
   }
 
   /** Look for meshes of the library that are like an entry. */
   async search(entry: Entry): Promise<void> {
     entry.searching = true;
     this.changed();
-    entry.similar = await this.attempt(entry, () => api.similar([entry.file, ...entry.pieces]));
+    entry.similar = await this.attempt(entry, () => api.similar(entry.files));
     entry.searching = false;
     if (entry.similar) this.say(`${entry.similar.length} meshes of the library are shown`);
     this.changed();
@@ -108,12 +121,11 @@ export class Visit {
 
   /** What an entry is downloaded as, for the class on its surface or the likeliest. */
   async download(entry: Entry, form: Form): Promise<File | null> {
-    const answer = entry.answer!;
-    const label = entry.chosen ?? answer.class;
+    const { label, model } = entry;
     const blob = await this.attempt(entry, async () => {
-      if (!this.explains(entry)) return new Blob([JSON.stringify(answer, null, 2)]);
+      if (!this.explains(entry)) return new Blob([JSON.stringify(entry.answer, null, 2)]);
       if (form === "glb") return (await this.explained(entry, label)).glb;
-      return api.explain([entry.file, ...entry.pieces], { model: entry.model, class: label }, MEDIA_TYPES[form]);
+      return api.explain(entry.files, { model, class: label }, MEDIA_TYPES[form]);
     });
     return blob && new File([blob], `${entry.file.name}-${label}.${form}`);
   }
@@ -123,17 +135,8 @@ export class Visit {
       this.drawn(entry, await readForView(entry.file, entry.file.name));
     } catch {
       entry.unreadable = true;
-      if (entry.answer) await this.drawAsServed(entry);
+      void this.explain(entry);
     }
-    this.changed();
-  }
-
-  /** Draw what the page cannot read from the mesh that the service returns. */
-  private async drawAsServed(entry: Entry): Promise<void> {
-    if (!this.explains(entry)) return;
-    const label = entry.answer!.class;
-    const explained = await this.attempt(entry, () => this.explained(entry, label));
-    if (explained) this.drawn(entry, await readForView(explained.glb, "a.glb"));
     this.changed();
   }
 
@@ -149,6 +152,7 @@ export class Visit {
   private drawn(entry: Entry, shown: Shown): void {
     entry.shown = shown;
     entry.unreadable = false;
+    entry.zUp = isZUp(entry.file.name, shown.positions);
     entry.picture = thumbnail(shown, entry.zUp);
   }
 
@@ -165,18 +169,63 @@ export class Visit {
   private async classify(entry: Entry): Promise<void> {
     const { model } = entry;
     try {
-      const answer = await api.classify([entry.file, ...entry.pieces], model, (share) => {
+      const answer = await api.classify(entry.files, model, (share) => {
+        if (entry.model !== model) return;
         entry.state = share < 1 ? { step: "sending", share } : { step: "waiting" };
         this.changed();
       });
       if (entry.model !== model) return; // another was chosen meanwhile
-      entry.state = { step: "done", answer };
-      this.say(`${entry.file.name}: ${verdict(answer)}`);
-      this.changed();
-      if (entry.unreadable) await this.drawAsServed(entry);
+      await this.answered(entry, answer);
     } catch (error) {
       this.fail(entry, api.asRefused(error));
     }
+  }
+
+  private async answered(entry: Entry, answer: api.Answer): Promise<void> {
+    entry.state = { step: "done", answer };
+    this.say(`${entry.file.name}: ${verdict(answer)}`);
+    this.changed();
+    await this.look(entry);
+  }
+
+  /** Ask what more is to be shown of an entry that has an answer. */
+  private async look(entry: Entry): Promise<void> {
+    await this.explain(entry);
+    if (entry === this.current) await this.compare(entry);
+  }
+
+  /** Compute the evidence that is to be shown. What the page cannot read itself is drawn by it. */
+  private async explain(entry: Entry): Promise<void> {
+    const wanted = (entry === this.current && this.evidence) || entry.unreadable;
+    if (!wanted || !entry.answer || !this.explains(entry)) return;
+    const { label } = entry;
+    if (entry.explained.has(label)) return;
+    entry.explaining?.abort();
+    const control = (entry.explaining = new AbortController());
+    entry.explainError = null;
+    this.changed();
+    const work = () => this.explained(entry, label, control.signal);
+    const found = await this.attempt(entry, work, control.signal);
+    if (entry.explaining === control) entry.explaining = null;
+    if (found && this.evidence && entry === this.current) {
+      this.say(`The surface shows the evidence for ${plain(label)}`);
+    }
+    this.changed();
+  }
+
+  /** Ask the other models, where the answer is weak. */
+  private async compare(entry: Entry): Promise<void> {
+    const { answer, model } = entry;
+    if (!answer || !isWeak(answer) || entry.surer !== undefined) return;
+    entry.surer = null;
+    for (const { name } of this.models) {
+      if (name === model) continue;
+      const other = await api.classify(entry.files, name, () => {}).catch(() => null);
+      if (entry.model !== model) return;
+      const least = entry.surer?.probability ?? (answer.unknown ? 0 : answer.probability);
+      if (other && !isWeak(other) && other.probability > least) entry.surer = other;
+    }
+    this.changed();
   }
 
   private fail(entry: Entry, error: api.Refused): void {
@@ -185,11 +234,16 @@ export class Visit {
     this.changed();
   }
 
-  /** The result of work for an explanation, or null when the entry says why there is none. */
-  private async attempt<Value>(entry: Entry, work: () => Promise<Value>): Promise<Value | null> {
+  /** The result of work on an answered entry, or null when the entry says why there is none. */
+  private async attempt<Value>(
+    entry: Entry,
+    work: () => Promise<Value>,
+    signal?: AbortSignal,
+  ): Promise<Value | null> {
     try {
       return await work();
     } catch (error) {
+      if (signal?.aborted) return null;
       entry.explainError = api.asRefused(error);
       this.say(entry.explainError.message);
       this.changed();
@@ -197,14 +251,16 @@ export class Visit {
     }
   }
 
-  private async explained(entry: Entry, label: string): Promise<Explained> {
+  private async explained(entry: Entry, label: string, signal?: AbortSignal): Promise<Explained> {
     const known = entry.explained.get(label);
     if (known) return known;
     const { model } = entry;
-    const glb = await api.explain([entry.file, ...entry.pieces], { model, class: label }, MEDIA_TYPES.glb);
+    const glb = await api.explain(entry.files, { model, class: label }, MEDIA_TYPES.glb, signal);
     const [legend, shown] = await Promise.all([legendOf(glb), readForView(glb, "a.glb", true)]);
+    signal?.throwIfAborted();
     const explained = { glb, legend, shown };
     if (entry.model === model) entry.explained.set(label, explained);
+    if (entry.unreadable) this.drawn(entry, { ...shown, colours: null });
     return explained;
   }
 }

@@ -17,8 +17,9 @@ export function percent(share: number): string {
 }
 
 export function megabytes(bytes: number): string {
-  if (bytes < 1e6) return `${Math.max(1, Math.round(bytes / 1e3))} kB`;
-  return `${(bytes / 1e6).toFixed(bytes < 1e7 ? 1 : 0)} MB`;
+  if (bytes < 2 ** 20) return `${Math.max(1, Math.round(bytes / 2 ** 10))} kB`;
+  const value = bytes / 2 ** 20;
+  return `${Number(value.toFixed(value < 10 ? 1 : 0))} MB`;
 }
 
 /** A number after its sign, for sums. */
@@ -27,6 +28,14 @@ export const signed = (value: number) =>
 
 /** The name of a class, as one would write it. */
 export const plain = (name: string) => name.replaceAll("_", " ");
+
+// Below this probability, more than one answer in three is wrong.
+const WEAK = 2 / 3;
+
+export const isWeak = (answer: Answer) => Boolean(answer.unknown) || answer.probability < WEAK;
+
+/** How many of a hundred answers with this probability are right. */
+export const rightOf100 = (probability: number) => Math.min(99, Math.round(100 * probability));
 
 /** "snake 99.6 %" or "unknown", for lists and screen readers. */
 export function verdict(answer: Answer): string {

@@ -12,7 +12,10 @@ const SAME = 0.85;
 export function alike(entry: Entry, search: () => void): HTMLElement {
   const box = make("section", {}, make("h3", { textContent: "More like this" }));
   if (entry.similar) {
-    box.append(make("ul", { className: "alike" }, ...entry.similar.map(card)));
+    const same = entry.similar.filter(isSame);
+    const others = entry.similar.filter((found) => !isSame(found));
+    if (same.length) box.append(make("p", { textContent: "The same shape is there already:" }), cards(same));
+    if (others.length) box.append(make("p", { textContent: "The most like it:" }), cards(others));
     return box;
   }
   const button = make("button", {
@@ -25,8 +28,11 @@ export function alike(entry: Entry, search: () => void): HTMLElement {
   return box;
 }
 
+const isSame = (found: Alike) => (found.same_shape ?? 0) >= SAME;
+
+const cards = (found: Alike[]) => make("ul", { className: "alike" }, ...found.map(card));
+
 function card(found: Alike): HTMLElement {
-  const same = (found.same_shape ?? 0) >= SAME;
   const name = found.file.split("/").pop()!;
   return make(
     "li",
@@ -38,7 +44,7 @@ function card(found: Alike): HTMLElement {
       make("span", { className: "card-name", textContent: name }),
       make("span", {
         className: "card-verdict",
-        textContent: same ? "same shape" : found.unknown ? "unknown" : plain(found.class),
+        textContent: found.unknown ? "unknown" : plain(found.class),
       }),
     ),
   );

@@ -4,27 +4,37 @@ import type { Answer, Refused } from "../api";
 import { make } from "../dom";
 import type { Entry } from "../entries";
 import type { Form } from "../visit";
-import { describe, megabytes, percent, plain } from "../words";
+import { describe, isWeak, megabytes, plain, rightOf100 } from "../words";
 import { alike } from "./alike";
 import { bars } from "./bars";
 
-// Below this probability, more than one answer in three is wrong.
-const WEAK = 2 / 3;
-
 export interface Actions {
   choose(label: string): void;
+  expand(): void;
   retry(): void;
-  save(form: Form): void;
+  take(answer: Answer): void;
+  save(form: Form): Promise<void>;
   /** null where the service has no library. */
   search: (() => void) | null;
 }
 
-/** The content of the panel for an entry. */
-export function panel(entry: Entry, explains: boolean, actions: Actions): HTMLElement[] {
-  const title = make("p", { className: "file-name", textContent: entry.file.name });
+/** The content of the panel for an entry. explains: whether its model can; evidence: whether it is
+ * shown. */
+export function panel(
+  entry: Entry,
+  explains: boolean,
+  evidence: boolean,
+  actions: Actions,
+): HTMLElement[] {
+  const title = make(
+    "p",
+    { className: "file-line" },
+    make("span", { className: "file-name", textContent: entry.file.name }),
+    make("span", { textContent: `model ${entry.model}` }),
+  );
   const { state } = entry;
   if (state.step === "failed") return [title, ...failure(state.error, actions)];
-  if (state.step === "done") return [title, ...success(entry, state.answer, explains, actions)];
+  if (state.step === "done") return [title, ...success(entry, state.answer, explains, evidence, actions)];
   const sending = state.step === "sending";
   const bar = make("progress", { max: 1, aria: { label: sending ? "Upload" : "Classification" } });
   if (sending) bar.value = state.share;
@@ -52,45 +62,65 @@ function success(
   entry: Entry,
   answer: Answer,
   explains: boolean,
+  evidence: boolean,
   actions: Actions,
 ): HTMLElement[] {
+  const shows = explains && evidence ? entry.label : null;
   return [
     ...verdict(answer),
-    bars(answer, entry, explains ? actions.choose : null),
+    ...(entry.surer ? [surer(entry.surer, actions)] : []),
+    bars(answer, entry, shows, actions, explains),
     ...(actions.search ? [alike(entry, actions.search)] : []),
     section("The mesh", ...describe(answer.mesh).map((text) => make("p", { textContent: text }))),
-    make("details", {}, make("summary", { textContent: "Time" }), timings(answer)),
+    times(answer),
     section("Take it with you", downloads(entry, explains, actions)),
   ];
 }
 
 function verdict(answer: Answer): HTMLElement[] {
-  if (answer.unknown) {
-    return [
-      make("h2", { className: "verdict unknown", textContent: "Unknown" }),
-      make("p", {
-        className: "confidence",
-        textContent: `Unlike everything that ${answer.model.name} knows. Nearest is ${plain(answer.class)}, at ${percent(answer.probability)}.`,
-      }),
-    ];
-  }
-  const right = Math.min(99, Math.round(100 * answer.probability));
   const [first, second] = answer.scores.map((score) => plain(score.class));
-  const weak = answer.probability < WEAK && second;
-  return [
-    make("h2", {
-      className: "verdict",
-      textContent: weak ? `Probably ${first}, or ${second}` : first,
+  const title = make("h2", { className: "verdict" });
+  const words = make("p", { className: "confidence" });
+  if (answer.unknown) {
+    title.classList.add("unknown");
+    title.textContent = "Unknown";
+    words.textContent = `Unlike everything that ${answer.model.name} knows. The nearest class is ${first}.`;
+  } else {
+    title.textContent = isWeak(answer) && second ? `Probably ${first}, or ${second}` : first;
+    words.textContent = `${rightOf100(answer.probability)} of 100 answers like this are right.`;
+  }
+  return [title, words];
+}
+
+/** What another model says, which is surer. */
+function surer(answer: Answer, actions: Actions): HTMLElement {
+  const { name } = answer.model;
+  return make(
+    "p",
+    { className: "surer" },
+    make("span", {}, "The model ", make("strong", { textContent: name }), " is surer: "),
+    make("strong", { textContent: plain(answer.class) }),
+    ` (${rightOf100(answer.probability)} of 100 right). `,
+    make("button", {
+      type: "button",
+      textContent: "Take its answer",
+      onclick: () => actions.take(answer),
     }),
-    make("p", {
-      className: "confidence",
-      textContent: `Of 100 such answers of ${answer.model.name}, ${right} are right.`,
-    }),
-  ];
+  );
 }
 
 function section(title: string, ...content: HTMLElement[]): HTMLElement {
   return make("section", {}, make("h3", { textContent: title }), ...content);
+}
+
+// Whether the times are unfolded.
+let timesOpen = false;
+
+function times(answer: Answer): HTMLElement {
+  const summary = make("summary", { textContent: "Time" });
+  const details = make("details", { open: timesOpen }, summary, timings(answer));
+  details.ontoggle = () => (timesOpen = details.open);
+  return details;
 }
 
 const STAGES: Record<string, string> = {
@@ -119,12 +149,18 @@ function timings(answer: Answer): HTMLElement {
 
 function downloads(entry: Entry, explains: boolean, actions: Actions): HTMLElement {
   const row = make("div", { className: "downloads" });
-  const button = (form: Form, text: string) =>
-    make("button", { type: "button", textContent: text, onclick: () => actions.save(form) });
+  const button = (form: Form, text: string) => {
+    const made = make("button", { type: "button", textContent: text });
+    made.onclick = async () => {
+      made.textContent = "Preparing …";
+      await actions.save(form);
+      made.textContent = text;
+    };
+    return made;
+  };
   if (explains) {
-    const label = entry.chosen ?? entry.answer!.class;
     row.append(button("glb", "Coloured mesh (GLB)"), button("ply", "PLY"));
-    row.setAttribute("aria-label", `Evidence for ${plain(label)}`);
+    row.setAttribute("aria-label", `Evidence for ${plain(entry.label)}`);
     row.setAttribute("role", "group");
   }
   row.append(button("json", "JSON"));

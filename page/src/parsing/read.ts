@@ -5,13 +5,15 @@ import { PLYLoader } from "three/examples/jsm/loaders/PLYLoader.js";
 import { STLLoader } from "three/examples/jsm/loaders/STLLoader.js";
 import { extensionOf } from "./formats";
 import { readGltf } from "./gltf";
+import { normalsOf } from "./normals";
 import { reduced } from "./reduce";
 import { soupOf, soupOfGeometry, type Soup } from "./soup";
 
-/** A mesh to show: centred, of radius 1. positions: 9 numbers a face; colours: the same, or none.
- * faces: how many the file has, of which `positions` may hold fewer. */
+/** A mesh to show: centred, of radius 1. positions and normals: 9 numbers a face; colours: the same,
+ * or none. faces: how many the file has, of which `positions` may hold fewer. */
 export interface Shown {
   positions: Float32Array;
+  normals: Float32Array;
   colours: Float32Array | null;
   faces: number;
 }
@@ -35,8 +37,10 @@ export async function read(name: string, data: ArrayBuffer, coloured: boolean): 
   const faces = soup.positions.length / 9;
   if (!faces || !soup.positions.every(Number.isFinite)) throw new Error("nothing to show");
   const few = reduced(soup);
+  const positions = centred(soup.positions, few.positions);
   return {
-    positions: centred(soup.positions, few.positions),
+    positions,
+    normals: normalsOf(positions),
     colours: coloured && few.colours ? perCorner(few.colours) : null,
     faces,
   };
@@ -53,14 +57,13 @@ function centred(whole: Float64Array, shown: Float64Array): Float32Array {
   }
   const middle = low.map((value, k) => (value + high[k]) / 2);
   const radius = Math.hypot(...high.map((value, k) => value - middle[k])) || 1;
-  return Float32Array.from(shown, (value, i) => (value - middle[i % 3]) / radius);
+  const result = new Float32Array(shown.length);
+  for (let i = 0; i < shown.length; i++) result[i] = (shown[i] - middle[i % 3]) / radius;
+  return result;
 }
 
 function perCorner(colours: Float32Array): Float32Array {
   const corners = new Float32Array(3 * colours.length);
-  for (let f = 0; f < colours.length / 3; f++) {
-    const colour = colours.subarray(3 * f, 3 * f + 3);
-    for (let s = 0; s < 3; s++) corners.set(colour, 9 * f + 3 * s);
-  }
+  for (let i = 0; i < corners.length; i++) corners[i] = colours[3 * Math.floor(i / 9) + (i % 3)];
   return corners;
 }

@@ -1,6 +1,7 @@
 // Fewer triangles for the view: corners in one cell of a grid become one, and triangles that
 // this makes lines or points go.
 
+import { firstEqual } from "./equal";
 import type { Soup } from "./soup";
 
 /** What a view turns smoothly, on a phone too. */
@@ -20,33 +21,31 @@ function clustered({ positions, colours }: Soup, cells: number): Soup {
   const low = [Infinity, Infinity, Infinity];
   const high = [-Infinity, -Infinity, -Infinity];
   for (let i = 0; i < positions.length; i++) {
-    low[i % 3] = Math.min(low[i % 3], positions[i]);
-    high[i % 3] = Math.max(high[i % 3], positions[i]);
+    if (positions[i] < low[i % 3]) low[i % 3] = positions[i];
+    if (positions[i] > high[i % 3]) high[i % 3] = positions[i];
   }
   const step = Math.max(...high.map((value, k) => value - low[k])) / cells;
-  const cellOf = new Float64Array(positions.length / 3);
-  const first = new Map<number, number>();
+  const cellOf = new Int32Array(positions.length / 3); // less than 2 ** 31, as FINEST ** 3 is
   for (let v = 0; v < cellOf.length; v++) {
-    let cell = 0;
     for (let k = 0; k < 3; k++) {
-      cell = cell * (cells + 1) + Math.floor((positions[3 * v + k] - low[k]) / step);
+      const along = Math.floor((positions[3 * v + k] - low[k]) / step);
+      cellOf[v] = (cells + 1) * cellOf[v] + along;
     }
-    cellOf[v] = cell;
-    if (!first.has(cell)) first.set(cell, v);
   }
-  const kept: number[] = [];
-  for (let f = 0; f < positions.length / 9; f++) {
-    const [a, b, c] = [cellOf[3 * f], cellOf[3 * f + 1], cellOf[3 * f + 2]];
-    if (a !== b && b !== c && c !== a) kept.push(f);
+  const first = firstEqual(cellOf, 1);
+  const isKept = (f: number) => {
+    const [a, b, c] = [first[3 * f], first[3 * f + 1], first[3 * f + 2]];
+    return a !== b && b !== c && c !== a;
+  };
+  let count = 0;
+  for (let f = 0; f < first.length / 3; f++) count += Number(isKept(f));
+  const fewer = new Float64Array(9 * count);
+  const fewerColours = colours && new Float32Array(3 * count);
+  for (let f = 0, i = 0; i < count; f++) {
+    if (!isKept(f)) continue;
+    for (let s = 0; s < 9; s++) fewer[9 * i + s] = positions[3 * first[3 * f + Math.floor(s / 3)] + (s % 3)];
+    for (let k = 0; fewerColours && k < 3; k++) fewerColours[3 * i + k] = colours![3 * f + k];
+    i++;
   }
-  const fewer = new Float64Array(9 * kept.length);
-  const fewerColours = colours && new Float32Array(3 * kept.length);
-  kept.forEach((f, i) => {
-    for (let s = 0; s < 3; s++) {
-      const from = 3 * first.get(cellOf[3 * f + s])!;
-      fewer.set(positions.subarray(from, from + 3), 9 * i + 3 * s);
-    }
-    fewerColours?.set(colours!.subarray(3 * f, 3 * f + 3), 3 * i);
-  });
   return { positions: fewer, colours: fewerColours };
 }

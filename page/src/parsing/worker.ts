@@ -20,8 +20,8 @@ self.onmessage = async ({ data: task }: MessageEvent<Task>) => {
       return;
     }
     const result = await read(name, data, task.coloured);
-    const buffers = [result.positions.buffer, ...(result.colours ? [result.colours.buffer] : [])];
-    self.postMessage({ id, result }, { transfer: buffers });
+    const arrays = [result.positions, result.normals, result.colours];
+    self.postMessage({ id, result }, { transfer: arrays.flatMap((array) => array?.buffer ?? []) });
   } catch (error) {
     self.postMessage({ id, error: String(error) });
   }

@@ -91,8 +91,22 @@ class Visitor:
         self.page.evaluate(FORGET)
 
     def drawn(self) -> None:
-        """Wait until the mesh itself is in view."""
+        """Wait until the mesh is in view, in grey or in colours."""
+        expect(self.at("#view")).not_to_have_attribute("data-shows", "nothing")
+
+    def bare(self) -> None:
+        """Switch the evidence off, and wait until the mesh itself is in view."""
+        self.classified()
+        self.drawn()
+        control = self.at("#evidence")
+        if control.is_visible() and control.get_attribute("data-does") == "hide":
+            control.click()
         expect(self.at("#view")).to_have_attribute("data-shows", "mesh")
+
+    def ask(self, model: str) -> None:
+        """Choose a model from the menu."""
+        self.at("#model").click()
+        self.at(f'#models button[data-model="{model}"]').click()
 
     def classified(self) -> None:
         expect(self.at(".bars")).to_be_visible()
@@ -116,7 +130,7 @@ def visits(browser: Browser, site: Service) -> Iterator[Callable[..., Visitor]]:
         page.on("request", lambda request: visitor.asked.append(request.url))
         page.on("pageerror", lambda error: visitor.errors.append(str(error)))
         page.goto(site.url)
-        expect(page.locator("#model option").first).to_be_attached()
+        expect(page.locator("#models button").first).to_be_attached()
         visitors.append(visitor)
         return visitor
 
@@ -149,8 +163,13 @@ def visitor(browser: Browser, site: Service) -> Iterator[Visitor]:
 def large_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A ring of 200 000 faces as binary STL, 10 MB."""
     mesh = torus(1000, 100)
-    facets = np.zeros(len(mesh.faces), [("numbers", "<f4", 12), ("attribute", "<u2")])
-    facets["numbers"][:, 3:] = mesh.vertices[mesh.faces].reshape(-1, 9)
     path = tmp_path_factory.mktemp("large") / "ring.stl"
-    path.write_bytes(bytes(80) + len(mesh.faces).to_bytes(4, "little") + facets.tobytes())
+    path.write_bytes(stl(mesh.vertices[mesh.faces]))
     return path
+
+
+def stl(corners: np.ndarray) -> bytes:
+    """Triangles, N x 3 x 3, as binary STL."""
+    facets = np.zeros(len(corners), [("numbers", "<f4", 12), ("attribute", "<u2")])
+    facets["numbers"][:, 3:] = corners.reshape(-1, 9)
+    return bytes(80) + len(corners).to_bytes(4, "little") + facets.tobytes()

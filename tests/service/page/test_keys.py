@@ -49,15 +49,16 @@ def test_a_key_opens_the_page(stranger: Visitor) -> None:
     expect(stranger.at("#key")).to_be_visible()
     expect(stranger.at("#key-reason")).to_contain_text("The service asks for a key")
     expect(stranger.at("#key-field")).to_be_focused()
+    expect(stranger.at("#samples-hint")).to_be_hidden()  # nothing is promised that is not there
     assert faults(stranger) == []
     show(stranger, KEY)
     expect(stranger.at("#key")).to_be_hidden()
+    expect(stranger.at("#samples-hint")).to_be_visible()
     expect(stranger.at("#sample-list img")).to_have_count(len(SHOWN))
     stranger.give(SAMPLES["spiders"])
-    stranger.classified()
-    stranger.explain("spiders")
+    expect(stranger.at("#view")).to_have_attribute("data-shows", "spiders")
     stranger.page.reload()
-    expect(stranger.at("#model option").first).to_be_attached()
+    expect(stranger.at("#models button").first).to_be_attached()
     expect(stranger.at("#key")).to_be_hidden()
 
 
@@ -71,13 +72,13 @@ def test_a_wrong_key_is_told(stranger: Visitor, wrong: str, words: str) -> None:
     expect(stranger.at("#key")).to_be_visible()
     show(stranger, KEY)
     expect(stranger.at("#key")).to_be_hidden()
-    expect(stranger.at("#model option")).to_have_count(1)
+    expect(stranger.at("#models button")).to_have_count(1)
 
 
 def test_a_key_that_is_taken_back_is_asked_for_anew(stranger: Visitor) -> None:
     """What failed for want of it is asked again."""
     show(stranger, KEY)
-    expect(stranger.at("#model option").first).to_be_attached()
+    expect(stranger.at("#models button").first).to_be_attached()
     stranger.page.evaluate("key => sessionStorage.setItem('meshconv3d-key', key)", OTHER)
     stranger.give(SAMPLES["ants"])
     expect(stranger.at("#key-reason")).to_contain_text("This key is wrong")
