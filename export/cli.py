@@ -66,8 +66,6 @@ def export(
             prepared = _prepare(loaded.network.config, meshes)
             inputs = _inputs(loaded, prepared)
             model, made = make_model(loaded, name or output.stem, inputs, about)
-        if whole and made.config.pooling == "learned":
-            raise click.ClickException("--whole takes no models with learned pooling yet")
         if whole:
             from meshconv3d.export.whole import export_whole
 

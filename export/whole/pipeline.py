@@ -16,6 +16,7 @@ from meshconv3d.export.whole.arrays import (
     Graph,
     arange,
     concatenate,
+    constant,
     expand,
 )
 from meshconv3d.export.whole.descriptors import descriptor_terms, pooling_features
@@ -23,7 +24,7 @@ from meshconv3d.export.whole.geometry import face_geometry
 from meshconv3d.export.whole.halfedges import edge_lengths, find_twins
 from meshconv3d.export.whole.integral_invariants import integral_invariants
 from meshconv3d.export.whole.parity import check_whole
-from meshconv3d.export.whole.surface import build_topology
+from meshconv3d.export.whole.surface import build_topology, write_operators
 from meshconv3d.model.config import NetworkConfig
 from meshconv3d.model.files import write_whole
 from meshconv3d.model.mesh import Mesh
@@ -31,6 +32,11 @@ from meshconv3d.model.topology.inputs import input_names
 
 # Before the names of all values that the topology stage adds.
 OWN = "whole."
+# What the file says of itself, for viewers of graphs.
+ABOUT = (
+    "MeshConv3D: from the vertices and faces of one prepared mesh to scores. docs/any-runtime.md "
+    "says how to prepare a mesh, and what the outputs are."
+)
 
 
 def export_whole(model: onnx.ModelProto, path: Path, meshes: Mapping[str, Mesh]) -> ModelCard:
@@ -64,12 +70,12 @@ def join(
     Inputs are vertices, V x 3 float32, and faces, F x 3 int64, of one prepared mesh; outputs are
     those of the network.
     """
-    network = onnx.ModelProto()
-    network.CopyFrom(model)
+    network = write_operators(model, config, f"{OWN}levels.")
     network.ClearField("metadata_props")
     joined = [(OWN + name, name) for name in input_names(config)]
     whole = compose.merge_models(topology, network, joined)
     del whole.opset_import[1:]  # it names those of both
+    whole.graph.doc_string = ABOUT
     return whole
 
 
@@ -88,14 +94,16 @@ def topology_model(config: NetworkConfig, model: onnx.ModelProto) -> onnx.ModelP
     ]
     outputs = [
         helper.make_tensor_value_info(
-            OWN + name, helper.np_dtype_to_tensor_dtype(array.dtype), [None, None]
+            OWN + name,
+            helper.np_dtype_to_tensor_dtype(array.dtype),
+            [None] if name in ("lengths", "starts") else [None, None],
         )
         for name, array in arrays.items()
     ]
     return helper.make_model(
         graph.to_proto("topology", inputs, outputs),
         ir_version=model.ir_version,
-        opset_imports=model.opset_import,
+        opset_imports=[entry for entry in model.opset_import if not entry.domain],
     )
 
 
@@ -111,9 +119,14 @@ def network_inputs(vertices: Array, faces: Array, config: NetworkConfig) -> dict
     if config.integral_invariants:
         terms = concatenate([terms, integral_invariants(geometry)], 1)
     lengths = edge_lengths(vertices, faces)
+    names = input_names(config)
+    if config.pooling == "learned":
+        starts = concatenate([constant([0]), faces.size().reshape(1)], 0)
+        arrays = [terms, faces.astype("int32"), lengths, starts.astype("int32")]
+        return dict(zip(names, arrays, strict=True))
     features = pooling_features(geometry)
     topology = build_topology(faces, twin, lengths, features, count, config)
     readout = expand(arange(topology.last, start=1), 0)
     indices = [*topology.patches, *topology.pools, readout]
     arrays = [terms, *(index.astype("int32") for index in indices)]
-    return dict(zip(input_names(config), arrays, strict=True))
+    return dict(zip(names, arrays, strict=True))

@@ -43,12 +43,14 @@ from meshconv3d.export.whole.halfedges import half_edges
 
 
 class PooledFaces(NamedTuple):
-    """As in `model.topology.pooling`, int64: kept, F'; faces, F' x 3; twin, 3 F'; index, F' x W."""
+    """As in `model.topology.pooling`: kept, F'; faces, F' x 3; twin, 3 F'; index, F' x W; int64;
+    shares, F' x W float64."""
 
     kept: Array
     faces: Array
     twin: Array
     index: Array
+    shares: Array
 
 
 class Living:
@@ -62,7 +64,7 @@ class Living:
         self.faces, self.twin, self.alive = faces, twin, alive
         self.outside = vertex_count
         self.beside = (twin >= 0).reshape(-1, 3)
-        self._neighbours = (maximum(twin, 0) // 3).reshape(-1, 3)
+        self.neighbours = (maximum(twin, 0) // 3).reshape(-1, 3)
         starts, ends = half_edges(faces)
         live = self.of_corners(alive)
         border = live & (twin < 0)
@@ -85,7 +87,7 @@ class Living:
     def of_neighbours(self, values: Array) -> Array:
         """Rows of a table by face (F x ...) for the neighbours of each face: F x 3 x ..., with any
         rows where `beside` is false."""
-        return values[self._neighbours]
+        return values[self.neighbours]
 
     def may_collapse(self) -> Array:
         """Whether the faces around the corners of each face make a disc: F booleans.
@@ -109,18 +111,26 @@ class Living:
 
 
 def pool_faces(
-    faces: Array, twin: Array, features: Array, vertex_count: Array, target: int, squared: bool
+    faces: Array,
+    twin: Array,
+    features: Array,
+    vertex_count: Array,
+    target: int,
+    squared: bool,
+    literal: bool,
 ) -> PooledFaces:
     """Collapse faces until `target` are left, or as few as the topology of the surface allows.
 
     faces: F x 3. twin: H. features: F x C float32, what equation 5 compares, by squared or plain
-    Euclidean distance.
+    Euclidean distance. literal: see the kernel.
     """
     count = faces.size()
 
-    def one_pass(faces: Array, twin: Array, alive: Array, index: Array) -> tuple[Array, ...]:
+    def one_pass(
+        faces: Array, twin: Array, alive: Array, index: Array, shares: Array
+    ) -> tuple[Array, ...]:
         surface = Living(faces, twin, alive, vertex_count)
-        weights = _weigh(surface, _average(features, index), squared)
+        weights = _weigh(surface, _average(features, index, shares), squared, literal)
         centres = _choose(surface, weights, target)
         gone = centres | any_over(surface.beside & surface.of_neighbours(centres), 1)
         survivors = alive & ~gone
@@ -129,11 +139,11 @@ def pool_faces(
             (left > target) & (left < count_over(alive, 0)),
             *_merge(surface, centres, gone),
             survivors,
-            _gather(surface, survivors, gone, index),
+            *_gather(surface, centres, gone, index, shares, literal),
         )
 
     itself = expand(arange(count, start=1), 1)
-    state = faces, twin, full(True, BOOL, count), itself
+    state = faces, twin, full(True, BOOL, count), itself, full(1, DOUBLE, count, 1)
     return _compact(*loop(count > target, one_pass, state))
 
 
@@ -148,22 +158,25 @@ def _with_null_row(table: Array) -> Array:
     return concatenate([full(0, table.dtype, 1, table.size(1)), table], 0)
 
 
-def _average(features: Array, index: Array) -> Array:
+def _average(features: Array, index: Array, shares: Array) -> Array:
     """The features of the faces by what each has gathered: F x C float64."""
-    present = maximum(count_over(index > 0, 1, keepdims=True), 1)
-    share = expand(1.0 / present.astype(DOUBLE), 2)
-    return sum_in_order(_with_null_row(features.astype(DOUBLE))[index] * share, 1)
+    rows = _with_null_row(features.astype(DOUBLE))[index]
+    return sum_in_order(rows * expand(shares, 2), 1)
 
 
-def _weigh(surface: Living, features: Array, squared: bool) -> Array:
+def _weigh(surface: Living, features: Array, squared: bool, literal: bool) -> Array:
     """Equation 5, F float32: summed feature distance to the three neighbours."""
-    difference = expand(features, 1) - surface.of_neighbours(features)
+    beside = surface.beside
+    others = where(expand(beside, 2), surface.of_neighbours(features), 0.0)
+    difference = expand(features, 1) - others
     distance = sum_in_order(difference * difference, 2)
     if not squared:
         distance = sqrt(distance)
-    total = sum_in_order(where(surface.beside, distance, 0.0), 1)
-    present = maximum(count_over(surface.beside, 1), 1)
-    return (total * 3.0 / present.astype(DOUBLE)).astype(REAL)
+    present = constant(3)
+    if not literal:
+        distance = where(beside, distance, 0.0)
+        present = maximum(count_over(beside, 1), 1)
+    return (sum_in_order(distance, 1) * 3.0 / present.astype(DOUBLE)).astype(REAL)
 
 
 def _choose(surface: Living, weights: Array, target: int) -> Array:
@@ -187,18 +200,54 @@ def _choose(surface: Living, weights: Array, target: int) -> Array:
     return chosen & (left[rank] > target)
 
 
-def _gather(surface: Living, survivors: Array, gone: Array, index: Array) -> Array:
-    """What each face has gathered after the pass: F x W, nothing where it has not survived."""
-    taken = expand(surface.beside & surface.of_neighbours(gone), 2)
-    rows = where(taken, surface.of_neighbours(index), 0)
-    rows = concatenate([index, *(take(rows, s, axis=1) for s in range(3))], 1)
-    rows = where(expand(survivors, 1), rows, 0)
+def _gather(
+    surface: Living, centres: Array, gone: Array, index: Array, shares: Array, literal: bool
+) -> tuple[Array, Array]:
+    """What each face has gathered after the pass, and the shares of that: F x W each, with zeros
+    for faces that have not survived."""
+    neighbours = surface.beside & surface.of_neighbours(gone)
+    touched = any_over(neighbours, 1, keepdims=True)
+    sources = [~touched if literal else touched | ~touched, neighbours]
+    if literal:
+        sources.append(touched & ~neighbours & _are_of_one_region(surface, centres))
+    taken = concatenate(sources, 1) & expand(surface.alive & ~gone, 1)  # F x 4 or 7
+    sides = [0, 1, 2] * (2 if literal else 1)
+
+    def of_sources(table: Array) -> Array:
+        """F x W -> F x 4 W or 7 W, 0 for what is not taken."""
+        rows = take(surface.of_neighbours(table), sides, axis=1)
+        rows = concatenate([expand(table, 1), rows], 1)
+        width = table.size(1) * (1 + len(sides))
+        return where(expand(taken, 2), rows, constant(0, table.dtype)).reshape(-1, width)
+
+    index = of_sources(index)
+    if literal:
+        shares = of_sources(shares)
+        shares = shares / maximum(count_over(taken, 1, keepdims=True), 1).astype(DOUBLE)
+    else:
+        present = maximum(count_over(index > 0, 1, keepdims=True), 1)
+        shares = (index > 0).astype(DOUBLE) * (1.0 / present.astype(DOUBLE))
     # Without gaps.
-    present = rows > 0
-    places = cumulative_sum(present.astype(INT), axis=1)
+    places = cumulative_sum((index > 0).astype(INT), axis=1)
     width = max_over(places)
-    empty = full(0, INT, rows.size(), width)
-    return scatter(empty, where(present, places - 1, 0), rows, axis=1, join="add")
+    at = where(index > 0, places - 1, 0)
+
+    def compact(table: Array) -> Array:
+        return scatter(full(0, table.dtype, table.size(), width), at, table, axis=1, join="add")
+
+    return compact(index), compact(shares)
+
+
+def _are_of_one_region(surface: Living, centres: Array) -> Array:
+    """Whether each face and its three neighbours lie beside faces of one collapse: F x 3."""
+    none = constant(-1)
+    number = arange(surface.faces.size())
+    beside = where(surface.beside & surface.of_neighbours(centres), surface.neighbours, none)
+    centre = where(centres, number, max_over(beside, 1))
+    regions = where(surface.beside, surface.of_neighbours(centre), none)  # F x 3
+    others = surface.of_neighbours(regions)  # F x 3 x 3
+    same = (expand(regions, 1, 3) == expand(others, 2)) & (expand(others, 2) >= 0)
+    return surface.beside & any_over(any_over(same, 3), 2)
 
 
 def _merge(surface: Living, centres: Array, gone: Array) -> tuple[Array, Array]:
@@ -223,11 +272,11 @@ def _merge(surface: Living, centres: Array, gone: Array) -> tuple[Array, Array]:
     return merged[surface.faces], hop(hop(twin))
 
 
-def _compact(faces: Array, twin: Array, alive: Array, index: Array) -> PooledFaces:
+def _compact(faces: Array, twin: Array, alive: Array, index: Array, shares: Array) -> PooledFaces:
     """Number the living faces 0 to F' - 1."""
     kept = nonzero(alive)
     number = cumulative_sum(alive.astype(INT)) - 1
     twin = twin.reshape(-1, 3)[kept].reshape(-1)
     over = maximum(twin, 0)
     twin = where(twin >= 0, number[over // 3] * 3 + over % 3, -1)
-    return PooledFaces(kept, faces[kept], twin, index[kept])
+    return PooledFaces(kept, faces[kept], twin, index[kept], shares[kept])

@@ -129,6 +129,16 @@ def test_the_card_is_the_models_with_a_parity_of_its_own(
     assert '"meshes": 1' in cards[0]["parity"]
 
 
+def test_learned_pooling_needs_no_operators_of_ours(learned_file: Path, tmp_path: Path) -> None:
+    path = tmp_path / "whole.onnx"
+    meshes = {name: in_sphere(MESHES[name]) for name in ("closed", "bordered", "components")}
+    card = export_whole(onnx.load(learned_file), path, meshes)
+    assert card.parity["meshes"] == 3
+    model = onnx.load(path)
+    onnx.checker.check_model(model, full_check=True)
+    assert [entry.domain for entry in model.opset_import] == [""]
+
+
 def test_it_adds_less_than_200_kb(whole_file: Path, model_file: Path) -> None:
     assert whole_file.stat().st_size - model_file.stat().st_size < 200_000
 

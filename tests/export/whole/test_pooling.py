@@ -16,10 +16,10 @@ from tests.surfaces import MANIFOLD, Triangles, triangles
 SEEDS = st.integers(0, 2**32 - 1)
 
 
-def pooling(target: int, squared: bool = True) -> Written:
+def pooling(target: int, squared: bool, literal: bool) -> Written:
     return Written(
         lambda faces, twin, features, count: pool_faces(
-            faces, twin, features, count, target, squared
+            faces, twin, features, count, target, squared, literal
         ),
         INT,
         INT,
@@ -29,30 +29,26 @@ def pooling(target: int, squared: bool = True) -> Written:
 
 
 GRAPHS = {
-    (target, squared): pooling(target, squared)
-    for target in (1, 8, 40)
-    for squared in (True, False)
+    options: pooling(*options)
+    for options in [(1, True, False), (8, True, False), (40, False, False), (8, False, True)]
 }
 
 
-def assert_same(
-    graph: Written, faces: np.ndarray, features: np.ndarray, target: int, squared: bool = True
-) -> None:
+def assert_same(options: tuple[int, bool, bool], faces: np.ndarray, features: np.ndarray) -> None:
     count = int(faces.max()) + 1
     twin, _, _ = find_twins(faces, count)
-    expected = kernels.pool_faces(faces, twin, features, target, squared, False)
-    found = graph(faces, twin, features, count)
-    for name, ours in zip(("kept", "faces", "twin", "index"), found, strict=True):
+    expected = kernels.pool_faces(faces, twin, features, *options)
+    found = GRAPHS[options](faces, twin, features, count)
+    for name, ours in zip(kernels.PooledFaces._fields, found, strict=True):
         np.testing.assert_array_equal(ours, getattr(expected, name), err_msg=name)
 
 
-@pytest.mark.parametrize(("target", "squared"), GRAPHS)
+@pytest.mark.parametrize("options", GRAPHS)
 @given(triangles(kinds=MANIFOLD, most=100), SEEDS)
 @settings(max_examples=40)
-def test_random_features(target: int, squared: bool, surface: Triangles, seed: int) -> None:
+def test_random_features(options: tuple[int, bool, bool], surface: Triangles, seed: int) -> None:
     features = np.random.default_rng(seed).normal(size=(len(surface.faces), 6))
-    graph = GRAPHS[target, squared]
-    assert_same(graph, surface.faces, features.astype(np.float32), target, squared)
+    assert_same(options, surface.faces, features.astype(np.float32))
 
 
 @given(triangles(kinds=MANIFOLD, most=100), SEEDS)
@@ -60,14 +56,14 @@ def test_random_features(target: int, squared: bool, surface: Triangles, seed: i
 def test_ties_go_to_the_first_face(surface: Triangles, seed: int) -> None:
     """Features of few values, so that most weights have an equal."""
     features = np.random.default_rng(seed).integers(0, 2, (len(surface.faces), 2))
-    assert_same(GRAPHS[8, True], surface.faces, features.astype(np.float32), 8)
+    assert_same((8, True, False), surface.faces, features.astype(np.float32))
 
 
 @pytest.mark.parametrize("mesh", [torus(), sheet(), icosphere(3)], ids=["torus", "sheet", "sphere"])
 def test_smooth_features_need_many_rounds(mesh) -> None:
     """Where each face waits for the one before it."""
     features = np.arange(len(mesh.faces), dtype=np.float32)[:, None] ** 2
-    assert_same(GRAPHS[40, True], mesh.faces, features, 40)
+    assert_same((8, True, False), mesh.faces, features)
 
 
 @given(triangles(kinds=MANIFOLD, most=60), SEEDS)
