@@ -127,9 +127,8 @@ def _accuracy(runs: dict[str, dict[str, Any]]) -> str:
         return "not run"
     found = [100 * run["test"] for run in runs.values()]
     mean, low, high = (f"{value:.2f}" for value in (statistics.mean(found), min(found), max(found)))
-    if len(found) == 1:
-        return f"{mean} (1 seed)"
-    return f"{mean} ({len(found)} seeds, {low} to {high})"
+    number = "1 seed" if len(found) == 1 else f"{len(found)} seeds"
+    return f"{mean} ({number})" if low == high else f"{mean} ({number}, {low} to {high})"
 
 
 def _hours(protocol: Protocol, network: str, results: Results) -> str:
