@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from examples.graph_inputs import graph_inputs
+from meshconv3d.export.runtime import run
 from meshconv3d.model.loading import load_mesh
 from meshconv3d.model.mesh import Mesh
 from meshconv3d.model.preparation import prepare
@@ -32,5 +33,5 @@ def test_the_inputs_are_those_of_the_package(name: str, mesh: Mesh) -> None:
         assert ours[input_name].dtype == array.dtype
     # The square root of what is all but zero: the spread of a plane across itself.
     np.testing.assert_allclose(ours["terms"], theirs["terms"], atol=1e-4)
-    scores = [model.session.run(["scores"], inputs)[0] for inputs in (ours, theirs)]
-    np.testing.assert_allclose(*scores, atol=1e-3)
+    one, other = (run(model.session, ["scores"], inputs)[0] for inputs in (ours, theirs))
+    np.testing.assert_allclose(one, other, atol=1e-3)
