@@ -50,7 +50,7 @@ NOTHING = "-"
 
 
 def all_tables() -> list[str]:
-    """Tables I to III from the results that are kept, and that of changed meshes."""
+    """Tables I to III from the results that are kept, that of changed meshes, and the summary."""
     results = read_results()
     quiet = Run.read(RESULTS / "performance.json").findings["training_step"]
     changed = {
@@ -58,7 +58,14 @@ def all_tables() -> list[str]:
         for network in ("paper", "default")
     }
     step = quiet.figures["ours, in yardsticks"].value
-    return [table_1(results), table_2(results), table_3(cost.read(), step), changes(changed)]
+    found = cost.read()
+    return [
+        table_1(results),
+        table_2(results),
+        table_3(found, step),
+        changes(changed),
+        summary(results, found),
+    ]
 
 
 def table_1(results: Results) -> str:
@@ -102,6 +109,25 @@ def table_3(found: dict[str, Any], default: float) -> str:
         if name != "MeshConv3D":
             nothing = (NOTHING, NOTHING)
             rows.append([name, *PUBLISHED_COST.get(name, nothing), *theirs.get(name, nothing)])
+    return _table(header, rows)
+
+
+def summary(results: Results, found: dict[str, Any]) -> str:
+    """The paper's own figures beside ours, for the README."""
+    header = ["", "paper", "`paper` here", "ours here", "`python -m benchmarks.paper`"]
+    rows = [
+        [f"{title}, %", published, *here, f"`{name} DATA`"]
+        for name in ("shrec11", "cubes")
+        for title, _, _, _, published, *here in (_row(p, results) for p in PROTOCOLS[name])
+    ]
+    published = PUBLISHED["Manifold40"][-1]
+    rows.append(["Manifold40, %", published, *["data not to be had"] * 2, "`manifold40 DATA`"])
+    times, memory = found["yardsticks"], found["megabytes"]
+    time = f"{times['default'] / times['paper']:.2f}"
+    megabytes = (f"{memory[network]:.0f}" for network in ("paper", "default"))
+    rows.append(["time of a training step, relative", "1", "1", time, "`cost DATA`"])
+    published = PUBLISHED_COST["MeshConv3D"][-1]
+    rows.append(["its peak memory, MB", published, *megabytes, "`cost DATA`"])
     return _table(header, rows)
 
 
