@@ -11,6 +11,7 @@ from playwright.sync_api import Browser, Page, expect, sync_playwright
 
 IMAGES = Path(__file__).parents[1] / "docs" / "images"
 SOFTWARE = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
+DESKTOP = {"viewport": {"width": 1440, "height": 900}}
 PHONE = {"viewport": {"width": 390, "height": 780}, "has_touch": True, "is_mobile": True}
 
 
@@ -21,8 +22,8 @@ def main() -> None:
         program = shutil.which("chromium") or playwright.chromium.executable_path
         browser = playwright.chromium.launch(executable_path=program, args=SOFTWARE)
         for name, sample, options in (
-            ("page-light", "car", {"color_scheme": "light"}),
-            ("page-dark", "chair", {"color_scheme": "dark"}),
+            ("page-light", "car", DESKTOP | {"color_scheme": "light"}),
+            ("page-dark", "chair", DESKTOP | {"color_scheme": "dark"}),
             ("page-phone", "train", PHONE),
         ):
             page = explained(browser, url, sample, options)
