@@ -55,6 +55,14 @@ def find_twins(faces: Array, vertex_count: Array) -> Array:
     return scatter(twin, order, twin)
 
 
+def number_used(faces: Array, vertex_count: Array) -> tuple[Array, Array]:
+    """The faces, F x 3, over their own vertices, numbered anew; and how many these are."""
+    corners = faces.reshape(-1)
+    ones = full(1, INT, corners.size())
+    numbers = cumulative_sum(scatter(full(0, INT, vertex_count), corners, ones, join="max"))
+    return (numbers - 1)[faces], numbers[-1]
+
+
 def half_edges(faces: Array) -> tuple[Array, Array]:
     """The vertices at which half-edges start and end: H each."""
     return faces.reshape(-1), roll(faces, 1, axis=1).reshape(-1)

@@ -16,7 +16,7 @@ from meshconv3d.export.whole.arrays import (
     constant,
     max_over,
 )
-from meshconv3d.export.whole.halfedges import find_twins, grow_patches, sort_adjacency
+from meshconv3d.export.whole.halfedges import find_twins, grow_patches, number_used, sort_adjacency
 from meshconv3d.export.whole.pooling import gather_mean, pool_faces
 from meshconv3d.model.config import NetworkConfig
 
@@ -42,6 +42,8 @@ def build_topology(
 
     faces: F_0 x 3. twin: H. lengths: H float64. features: F_0 x C float32, those of equation 5.
     """
+    # Pooling takes memory by the square of the vertices.
+    faces, vertex_count = number_used(faces, vertex_count)
     patches, pools = [], []
     squared = config.pooling_norm == "squared"
     for target in config.targets:
@@ -109,5 +111,5 @@ def _pool_faces(
 def _surface(faces: str) -> tuple[Array, Array, Array]:
     """Corners, twins and the number of vertices."""
     corners = Array(faces, "int32").astype(INT)
-    count = max_over(corners) + 1
+    corners, count = number_used(corners, max_over(corners) + 1)
     return corners, find_twins(corners, count), count

@@ -36,6 +36,10 @@ MESHES: Mapping[str, Mesh] = {
     "one face": Mesh(np.eye(3), [[0, 1, 2]]),
     "one-sided": moebius(),
     "symmetric and large": icosphere(3),
+    "unused vertices": Mesh(
+        np.concatenate([torus(12, 6).vertices, np.full((300, 3), 0.1)])[::-1],
+        371 - torus(12, 6).faces,
+    ),
     "prepared": prepare(together(torus(40, 20), cube()), 500)[0],
 }
 CONFIGS = {
