@@ -1,11 +1,11 @@
 """Whole pipelines beside the package: `python -m benchmarks.whole MODEL DATA [--split FILE]`.
 
-Takes the test meshes of a folder, or so many drawn at random, through the package's preparation. Of
-each it compares the network's indices in the whole pipeline (`meshconv3d export --whole`) with the
-kernels', and the scores with the model file's, on the mesh with its vertices rounded to float32,
-as the pipeline takes them. It also tells how often that rounding changes the best class, and what
-the pipeline costs, in time of one core. With --javascript, it also tells how often the preparation
-in examples/javascript leads to another best class than the package's.
+Takes the meshes of a folder that no training saw, or so many drawn at random, through the package's
+preparation. Of each it compares the network's indices in the whole pipeline (`meshconv3d export
+--whole`) with the kernels', and the scores with the model file's, on the mesh with its vertices
+rounded to float32, as the pipeline takes them. It also tells how often that rounding changes the
+best class, and what the pipeline costs, in time of one core. With --javascript, it also tells how
+often the preparation in examples/javascript leads to the package's best class.
 """
 
 import argparse
@@ -48,7 +48,7 @@ def main() -> None:
     parser.add_argument("--javascript", action="store_true")
     arguments = parser.parse_args()
     pipelines = Pipelines(ModelFile.read(arguments.model))
-    samples = [s for s in find_samples(arguments.data, arguments.split) if s.split == "test"]
+    samples = [s for s in find_samples(arguments.data, arguments.split) if s.split != "train"]
     raw: list[Mesh] = []
     for i in np.random.default_rng(0).permutation(len(samples)):
         if len(raw) == arguments.count:

@@ -226,7 +226,8 @@ def _gather(
         shares = shares / maximum(count_over(taken, 1, keepdims=True), 1).astype(DOUBLE)
     else:
         present = maximum(count_over(index > 0, 1, keepdims=True), 1)
-        shares = (index > 0).astype(DOUBLE) * (1.0 / present.astype(DOUBLE))
+        # Not times 1 / present: onnxruntime 1.20 crashes as it fuses these two within a loop.
+        shares = (index > 0).astype(DOUBLE) / present.astype(DOUBLE)
     # Without gaps.
     places = cumulative_sum((index > 0).astype(INT), axis=1)
     width = max_over(places)
