@@ -15,11 +15,12 @@ from meshconv3d.model.samples import sample_paths
 from tests import articulated
 from tests.commands import meshconv3d
 from tests.meshes import torus
-from tests.service.conftest import LIMIT, Service, services
+from tests.service.conftest import Service, services
 
 # WebGL in software: machines that test have no graphics card.
 SOFTWARE = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
 NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
+MOST_BYTES = 16 * 2**20  # of an upload
 DESKTOP = {"viewport": {"width": 1280, "height": 860}}
 FORGET = """() => {
     document.querySelector("#result").replaceChildren();
@@ -65,7 +66,7 @@ def site(
     models = ("shrec11", str(model_file), str(learned_file))
     options = [word for model in models for word in ("--model", model)]
     with services(model_file, tmp_path_factory) as start:
-        options += ["--workers", "1", "--max-upload-bytes", str(40 * LIMIT)]
+        options += ["--workers", "1", "--max-upload-bytes", str(MOST_BYTES)]
         yield start(*options, "--library", str(library), alone=True)
 
 
@@ -93,6 +94,10 @@ class Visitor:
     def drawn(self) -> None:
         """Wait until the mesh is in view, in grey or in colours."""
         expect(self.at("#view")).not_to_have_attribute("data-shows", "nothing")
+
+    def show_evidence(self) -> None:
+        """Switch the evidence on, where a test before has switched it off."""
+        self.at("#evidence").evaluate("e => e.dataset.does === 'show' && e.click()")
 
     def bare(self) -> None:
         """Switch the evidence off, and wait until the mesh itself is in view."""

@@ -94,6 +94,7 @@ def test_the_skip_link_leads_to_the_result(visitor: Visitor) -> None:
 
 
 def test_what_happens_is_announced(visitor: Visitor) -> None:
+    visitor.show_evidence()
     visitor.give(SAMPLES["hand"])
     expect(visitor.at("#status")).to_have_text("The surface shows the evidence for hand")
     label = "hand.stl in 3D, evidence for hand in colours"

@@ -26,12 +26,6 @@ from tests.service.page.pixels import blue, changed, orange, pixels
 SAMPLES = sample_paths()
 SHOWN = samples.sample_paths()  # on the page
 POINTS = {"name": "points.obj", "mimeType": "", "buffer": b"v 0 0 0\nv 1 0 0\n"}
-# Collects in `verdicts` all that the page says from now on of what it is doing.
-NOTE_VERDICTS = """
-    window.verdicts = [];
-    new MutationObserver(() => verdicts.push(document.querySelector(".verdict")?.textContent))
-        .observe(document.querySelector("#result"), { childList: true, subtree: true });
-"""
 
 
 def test_a_file_of_every_format_is_drawn_and_classified(visit: Callable[..., Visitor]) -> None:
@@ -180,7 +174,7 @@ def test_it_turns_by_itself_until_touched(visitor: Visitor) -> None:
 
 def test_the_evidence_of_the_winner_is_shown_at_once(visitor: Visitor) -> None:
     """One control switches it off; a class is chosen, and the mesh stays in view."""
-    visitor.at("#evidence").evaluate("e => e.dataset.does === 'show' && e.click()")
+    visitor.show_evidence()
     visitor.give(SAMPLES["spiders"])
     view = visitor.at("#view")
     expect(view).to_have_attribute("data-shows", "spiders")
@@ -376,14 +370,12 @@ def test_a_file_of_200_000_faces(visitor: Visitor, large_file: Path) -> None:
     session = visitor.page.context.new_cdp_session(visitor.page)
     slow = {"offline": False, "latency": 0, "downloadThroughput": -1, "uploadThroughput": 3e6}
     session.send("Network.emulateNetworkConditions", slow)
+    visitor.show_evidence()
     visitor.give(large_file)
     expect(visitor.at(".verdict.waiting")).to_contain_text("Sending 9.5 MB … ")
     assert 0 <= float(visitor.at("#result progress").get_attribute("value") or -1) < 1
-    # What comes after it may be over too soon to be met by looking now and then.
-    visitor.page.evaluate(NOTE_VERDICTS)
     visitor.drawn()
     visitor.classified()
-    assert "Looking at it …" in visitor.page.evaluate("verdicts")
     session.send("Network.emulateNetworkConditions", slow | {"uploadThroughput": -1})
     expect(visitor.at("#result")).to_contain_text("200\u202f000 faces, simplified to 500")
     expect(visitor.at("#legend")).to_be_visible()
