@@ -40,6 +40,7 @@ BY_THEMSELVES = (
     "robustness",
     "evidence",
     "unknown",
+    "whole",
     "baselines",
     "preparation",
     "costs",

@@ -130,7 +130,8 @@ def test_binary_files_in_base64(client: httpx.Client) -> None:
 
 
 def test_the_documented_example_runs(service: Service, capsys: pytest.CaptureFixture[str]) -> None:
-    (code,) = re.findall(r"```python\n(.*?)```", HTTP.read_text(encoding="utf-8"), re.DOTALL)
+    blocks = re.findall(r"```python\n(.*?)```", HTTP.read_text(encoding="utf-8"), re.DOTALL)
+    (code,) = (block for block in blocks if "tritonclient" in block)
     code = code.replace("localhost:8000", service.url.removeprefix("http://")).replace(
         '"objects"', f'"{MODEL}"'
     )
