@@ -9,6 +9,8 @@ import sys
 import numpy as np
 import onnxruntime
 
+if len(sys.argv) != 3:
+    sys.exit(__doc__)
 model, mesh = sys.argv[1:]
 words = open(mesh).read().split()
 end = 4 + 3 * int(words[1])

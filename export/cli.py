@@ -1,6 +1,8 @@
 """`meshconv3d export` and `verify`: write a model file, and compare one with its checkpoint."""
 
+from dataclasses import asdict, is_dataclass
 from pathlib import Path
+from textwrap import shorten
 from typing import TYPE_CHECKING
 
 import click
@@ -124,9 +126,7 @@ def verify(model: Path, checkpoint: Path, meshes: tuple[Path, ...]) -> None:
     }
     for name, value in expected.items():
         if getattr(card, name) != value:
-            raise click.ClickException(
-                f"{model}: {name} on its card is {getattr(card, name)}, in the checkpoint {value}"
-            )
+            raise click.ClickException(f"{model}: {_differences(name, getattr(card, name), value)}")
     sample = card.probe.sample
     if sample not in inputs:
         raise click.ClickException(f"{model}: its probe is {sample!r}, which is no sample")
@@ -195,6 +195,23 @@ def _inputs(checkpoint: "Checkpoint", meshes: "dict[str, Mesh]") -> "dict[str, M
 
     config = checkpoint.network.config
     return {name: mesh_inputs(mesh, config) for name, mesh in meshes.items()}
+
+
+def _differences(name: str, found: object, expected: object) -> str:
+    """What differs between an entry of a card and the checkpoint, in words."""
+    one, other = (
+        asdict(value) if is_dataclass(value) and not isinstance(value, type) else value
+        for value in (found, expected)
+    )
+    if isinstance(one, dict) and isinstance(other, dict):
+        parts = [
+            _differences(f"{name}.{key}", one.get(key), other.get(key))
+            for key in one | other
+            if one.get(key) != other.get(key)
+        ]
+        return "; ".join(parts)
+    shown, there = (shorten(str(value), 200, placeholder=" ...") for value in (one, other))
+    return f"{name} on its card is {shown}, in the checkpoint {there}"
 
 
 def _parity(figures: dict) -> str:

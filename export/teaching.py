@@ -11,6 +11,7 @@ file: the base's graph with another head.
 import base64
 import hashlib
 import json
+import re
 import zlib
 from collections import Counter
 from collections.abc import Sequence
@@ -415,11 +416,19 @@ def _about(name: str, by: str | None, base: str, examples: Examples, left_out: L
         )
     lines += ["", "| class | examples |", "|---|---|"]
     rows = zip(examples.classes, examples.counts.tolist(), strict=True)
-    lines += [f"| {label} | {count} |" for label, count in rows]
+    lines += [f"| {_escaped(label)} | {count} |" for label, count in rows]
     if pairs := confusions(examples, left_out):
         lines += ["", "Taken for another class:", ""]
-        lines += [f"- {right} for {given}: {count}" for right, given, count in pairs[:MOST_PAIRS]]
+        lines += [
+            f"- {_escaped(right)} for {_escaped(given)}: {count}"
+            for right, given, count in pairs[:MOST_PAIRS]
+        ]
     return "\n".join(lines) + "\n"
+
+
+def _escaped(name: str) -> str:
+    """A name as text of Markdown, also in a table."""
+    return re.sub(r"([\\`*<|\[])", r"\\\1", name)
 
 
 def in_several_classes(examples: Examples) -> list[list[str]]:

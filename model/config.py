@@ -163,4 +163,9 @@ def preset(
 
 def in_one_line(error: ValidationError) -> str:
     """Field and message of each mistake, for the messages of other errors."""
-    return "; ".join(f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors())
+    mistakes = []
+    for found in error.errors():
+        place = ".".join(map(str, found["loc"]))
+        message = found["msg"].removeprefix("Value error, ")
+        mistakes.append(f"{place}: {message}" if place else message)
+    return "; ".join(mistakes)

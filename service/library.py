@@ -5,6 +5,7 @@ extra `parquet`.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple, Self
@@ -31,15 +32,28 @@ class LibraryError(Error):
 
 def model_of(path: Path) -> str:
     """Name of the model that a library was made with. Raises LibraryError, OSError."""
+    with _library_errors(path):
+        for batch in ParquetFile(path).iter_batches(1000, columns=["model.name"]):
+            for row in batch["model"].to_pylist():
+                if row:
+                    return row["name"]
+    raise LibraryError(f"{path} holds no mesh; add some with: meshconv3d embed")
+
+
+@contextmanager
+def _library_errors(path: Path) -> Iterator[None]:
+    """Within it, errors of a file that is damaged, or no library, are LibraryErrors."""
     try:
-        rows = next(ParquetFile(path).iter_batches(1000, columns=["model.name"]))["model"]
-        names = (row["name"] for row in rows.to_pylist() if row)
-        return next(names)
-    except (pa.ArrowInvalid, KeyError, StopIteration) as error:
+        yield
+    except (pa.ArrowInvalid, KeyError, ValueError) as error:
         raise LibraryError(
-            f"{path} is no library of meshes ({error!r}); make one with: meshconv3d embed PATH... "
-            f"-o {path}"
+            f"{path} is no library of meshes, or damaged ({str(error).splitlines()[0]}); make one "
+            f"with: meshconv3d embed PATH... -o {path}"
         ) from None
+    except OSError as error:
+        if error.errno is not None:
+            raise
+        raise LibraryError(f"{path} is damaged: make it again with meshconv3d embed") from None
 
 
 class Match(NamedTuple):
@@ -67,16 +81,14 @@ class Library:
     def read(cls, path: Path, cards: Iterable[ModelCard]) -> Self:
         """Read a library that was made with one of these models, or with one that shares its
         embedding space. Raises LibraryError, OSError."""
-        try:
-            file = ParquetFile(path)
-            table = file.read([*COLUMNS, "embedding"])
-            # Numbered before refused files go, to find their pictures again.
+        with _library_errors(path):
+            table = ParquetFile(path).read([*COLUMNS, "embedding"])
+            # Numbered before other rows go, to find their pictures again.
             table = table.append_column("row", pa.array(range(len(table))))
+            # A file that has changed since has a later row.
+            latest = dict(zip(table["file"].to_pylist(), range(len(table)), strict=True))
+            table = table.take(sorted(latest.values()))
             table = table.filter(table["embedding"].is_valid())
-        except (pa.ArrowInvalid, KeyError, ValueError) as error:
-            raise LibraryError(
-                f"{path} is no library ({error}); make one with: meshconv3d embed PATH... -o {path}"
-            ) from None
         if not len(table):
             raise LibraryError(f"{path} holds no mesh; add some with: meshconv3d embed")
         spaces = table["space"].unique().to_pylist()
@@ -115,6 +127,8 @@ class Library:
         """PNG of each row, where pictures were drawn."""
         stored = [self.value("row", row) for row in rows]
         file = ParquetFile(self.path)
+        if "picture" not in file.schema_arrow.names:
+            return [None] * len(rows)
         sizes = [file.metadata.row_group(i).num_rows for i in range(file.num_row_groups)]
         starts = np.concatenate([[0], np.cumsum(sizes)])
         groups = np.searchsorted(starts, stored, side="right") - 1

@@ -33,6 +33,7 @@ export function readCard(model, name) {
 /** Vertices (3 V numbers) and faces (3 F) of an OFF file of triangles. */
 export function readOff(text) {
   const words = text.trim().split(/\s+/);
+  if (words[0] !== "OFF") throw new Error("not a text OFF file, the one format that is read here");
   const end = 4 + 3 * words[1];
   return {
     vertices: Float32Array.from(words.slice(4, end), Number),

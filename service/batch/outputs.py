@@ -243,9 +243,10 @@ def _read_parquet(path: str, run: str) -> Iterator[Entry]:
                 yield found
     except NotWritten:
         raise
-    except (pa.ArrowInvalid, KeyError, ValueError):
+    except (pa.ArrowException, OSError, KeyError, ValueError):
         raise NotWritten(
-            f"{path} is there already, and was not written by this command: name another file"
+            f"{path} is there already, and was not written by this command, or is damaged: name "
+            "another file"
         ) from None
 
 

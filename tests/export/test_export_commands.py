@@ -102,13 +102,21 @@ def test_verify_fails_on_another_shape(model_file: Path, tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("name", "change", "says"),
     [
-        ("config", {"classes": ["box", "ball", "ring"]}, "config on its card is"),
-        ("calibration", {"temperature": 19.0}, "calibration on its card is"),
+        (
+            "config",
+            {"classes": ["box", "ball", "ring"]},
+            "config.classes on its card is ('box',",
+        ),
+        ("calibration", {"temperature": 19.0}, "calibration.temperature on its card is 19.0"),
         ("calibration", None, "calibration on its card is None"),
         ("probe", {"scores": [9.0, 9.0, 9.0]}, "its probe has the scores"),
         ("probe", {"scores": [math.nan] * 3}, "its probe has the scores"),
-        ("accuracy", {"test": 1.0}, "accuracy on its card is {'test': 1.0}"),
-        ("training", {"data": {"name": "other"}}, "training on its card is"),
+        ("accuracy", {"test": 1.0}, "accuracy.test on its card is 1.0, in the checkpoint 0.25"),
+        (
+            "training",
+            {"data": {"name": "other"}},
+            "training.data.name on its card is other",
+        ),
         ("parity", {"scores": 0.01}, "parity on its card is {'scores': 0.01"),
         ("space", "other", "space on its card is other"),
         ("probe", {"sample": "cup"}, "'cup', which is no sample"),

@@ -91,6 +91,43 @@ def test_a_library_of_other_settings_is_not_touched(
     assert other.read_bytes() == library.read_bytes()
 
 
+def test_a_file_that_has_changed_is_found_as_it_is_now(model_file: Path, tmp_path: Path) -> None:
+    """Its newest row counts, also where it was no mesh before."""
+    folder, file = tmp_path / "found", tmp_path / "library.parquet"
+    folder.mkdir()
+    write_off(folder / "a.off", STEPS)
+    (folder / "b.off").write_text("nothing")
+    meshconv3d("embed", folder, "-o", file, "--model", model_file)
+    write_off(folder / "a.off", icosphere(2))
+    write_off(folder / "b.off", STEPS)
+    assert meshconv3d("embed", folder, "-o", file, "--model", model_file, "--resume").stderr
+    done = meshconv3d("similar", folder / "b.off", "--in", file, "--model", model_file)
+    assert names(done.stdout) == ["b", "a"]
+
+
+def test_a_library_without_its_pictures_is_still_one(
+    library: Path, model_file: Path, tmp_path: Path
+) -> None:
+    bare, page = tmp_path / "bare.parquet", tmp_path / "groups.html"
+    parquet.write_table(parquet.read_table(library).drop(["picture"]), bare)
+    done = meshconv3d("duplicates", bare, "--report", page, "--model", model_file)
+    assert done.returncode == 0, done.stderr
+    assert page.exists()
+
+
+def test_a_library_that_is_damaged_inside_is_told_as_that(library: Path, tmp_path: Path) -> None:
+    damaged = tmp_path / "damaged.parquet"
+    content = library.read_bytes()
+    damaged.write_bytes(
+        content[:500] + bytes(len(content) // 2) + content[500:][len(content) // 2 :]
+    )
+    for call in (("duplicates", damaged), ("embed", library, "-o", damaged, "--resume")):
+        done = meshconv3d(*call, "--model", "shrec11")
+        assert done.returncode == 2
+        assert f"{damaged}" in done.stderr
+        assert "damaged" in done.stderr
+
+
 def test_copies_of_a_file_are_grouped_whatever_is_asked_for(
     library: Path, model_file: Path
 ) -> None:
