@@ -29,6 +29,7 @@ export interface Answer {
   file: string | null;
   class: string;
   probability: number;
+  /** null where the model has no calibration. */
   unknown: boolean | null;
   scores: ClassScore[];
   model: { name: string; sha256: string };
@@ -56,6 +57,8 @@ export interface Model {
   config: { classes: string[]; pooling: "geometric" | "learned" };
   /** Shares that are classified rightly: of test meshes, or of examples that were left out. */
   accuracy: { test?: number; left_out?: number };
+  /** null where it had too few examples to fit its probabilities to. */
+  calibration: object | null;
   training: { taught?: { examples: Record<string, number> } } | null;
 }
 

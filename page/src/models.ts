@@ -56,7 +56,7 @@ export class ModelMenu {
 }
 
 /** "80 classes, 77 of 100 test meshes right" */
-function figures({ config, accuracy, training }: Model): string {
+function figures({ config, accuracy, calibration, training }: Model): string {
   const classes = `${count(config.classes.length)} classes`;
   const { test, left_out: leftOut } = accuracy;
   const of100 = (share: number) => `${Math.round(100 * share)} of 100`;
@@ -64,7 +64,8 @@ function figures({ config, accuracy, training }: Model): string {
   if (taught) {
     const sum = taught.reduce((total, number) => total + number, 0);
     const right = leftOut === undefined ? "" : `, ${of100(leftOut)} right when left out`;
-    return `${classes}, taught from ${count(sum)} examples${right}`;
+    const rough = calibration ? "" : ", rough percentages";
+    return `${classes}, taught from ${count(sum)} examples${right}${rough}`;
   }
   return test === undefined ? classes : `${classes}, ${of100(test)} test meshes right`;
 }

@@ -3,7 +3,7 @@
 import type { Sample } from "./api";
 import { make } from "./dom";
 import type { Entry } from "./entries";
-import { plain, verdict } from "./words";
+import { isRough, plain, verdict } from "./words";
 
 export interface EntryActions {
   select(entry: Entry): void;
@@ -42,10 +42,12 @@ export function entryCard(entry: Entry, current: boolean, actions: EntryActions)
   return make("li", {}, card, remove);
 }
 
-/** Entries by what they are: class by class, the surest first; then unknown ones, then the rest. */
+/** Entries by what they are: class by class, the surest first, and those with rough probabilities
+ * after them; then unknown ones, then the rest. */
 export function byVerdict(entries: Entry[]): Entry[] {
   const key = ({ answer }: Entry) => (!answer ? "2" : answer.unknown ? "1" : `0${answer.class}`);
-  const sureness = (entry: Entry) => entry.answer?.probability ?? 0;
+  const sureness = ({ answer }: Entry) =>
+    answer ? answer.probability - Number(isRough(answer)) : 0;
   return entries.toSorted((a, b) => key(a).localeCompare(key(b)) || sureness(b) - sureness(a));
 }
 

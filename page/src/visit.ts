@@ -6,7 +6,7 @@ import type { Parts } from "./files";
 import { readForView, type Shown } from "./parsing";
 import { thumbnail } from "./thumbnails";
 import { isZUp } from "./upright";
-import { isWeak, megabytes, plain, verdict } from "./words";
+import { isRough, isWeak, megabytes, plain, verdict } from "./words";
 
 // Requests that are under way together.
 const AT_ONCE = 2;
@@ -213,7 +213,7 @@ export class Visit {
     this.changed();
   }
 
-  /** Ask the other models, where the answer is weak. */
+  /** Ask the other models, where the answer is weak. Rough probabilities are never surer. */
   private async compare(entry: Entry): Promise<void> {
     const { answer, model } = entry;
     if (!answer || !isWeak(answer) || entry.surer !== undefined) return;
@@ -223,7 +223,7 @@ export class Visit {
       const other = await api.classify(entry.files, name, () => {}).catch(() => null);
       if (entry.model !== model) return;
       const least = entry.surer?.probability ?? (answer.unknown ? 0 : answer.probability);
-      if (other && !isWeak(other) && other.probability > least) entry.surer = other;
+      if (other && !isRough(other) && !isWeak(other) && other.probability > least) entry.surer = other;
     }
     this.changed();
   }

@@ -10,11 +10,21 @@ export const count = (value: number) => whole.format(value).replaceAll(",", "\u2
 const counted = (value: number, one: string, many = `${one}s`) =>
   `${count(value)} ${value === 1 ? one : many}`;
 
-export function percent(share: number): string {
+function percent(share: number): string {
   if (share > 0.999 && share < 1) return ">\u00a099.9\u00a0%";
   if (share < 0.001 && share > 0) return "<\u00a00.1\u00a0%";
   return `${(100 * share).toFixed(1)}\u00a0%`;
 }
+
+/** A probability that is fitted to nothing: "about 99 %". */
+function roughly(share: number): string {
+  const of100 = Math.min(99, Math.max(1, Math.round(100 * share)));
+  return share < 0.005 ? "under 1\u00a0%" : `about ${of100}\u00a0%`;
+}
+
+/** The probability of a class in an answer, as exactly as it is known. */
+export const probabilityIn = (answer: Answer, share: number) =>
+  isRough(answer) ? roughly(share) : percent(share);
 
 export function megabytes(bytes: number): string {
   if (bytes < 2 ** 20) return `${Math.max(1, Math.round(bytes / 2 ** 10))} kB`;
@@ -34,12 +44,16 @@ const WEAK = 2 / 3;
 
 export const isWeak = (answer: Answer) => Boolean(answer.unknown) || answer.probability < WEAK;
 
-/** How many of a hundred answers with this probability are right. */
+/** Whether its probabilities are rough: its model has no calibration. */
+export const isRough = (answer: Answer) => answer.unknown === null;
+
+/** How many of a hundred calibrated answers with this probability are right. */
 export const rightOf100 = (probability: number) => Math.min(99, Math.round(100 * probability));
 
-/** "snake 99.6 %" or "unknown", for lists and screen readers. */
+/** "snake, 99.6 %", "snake, about 99 %" or "unknown", for lists and screen readers. */
 export function verdict(answer: Answer): string {
-  return answer.unknown ? "unknown" : `${plain(answer.class)}, ${percent(answer.probability)}`;
+  if (answer.unknown) return "unknown";
+  return `${plain(answer.class)}, ${probabilityIn(answer, answer.probability)}`;
 }
 
 /** The first sentence says what the mesh is like; the others, what was done to it. */

@@ -3,7 +3,7 @@
 import type { Answer } from "../api";
 import { make } from "../dom";
 import type { Entry } from "../entries";
-import { percent, plain } from "../words";
+import { plain, probabilityIn } from "../words";
 import type { Actions } from "./result";
 
 const FEW = 5;
@@ -25,7 +25,8 @@ export function bars(
   const list = make("ol", { className: answer.unknown ? "bars unknown" : "bars" });
   for (const { class: label, probability } of listed) {
     const choose = explains ? () => actions.choose(label) : null;
-    list.append(make("li", {}, bar(label, probability, shows === label, choose)));
+    const words = probabilityIn(answer, probability);
+    list.append(make("li", {}, bar(label, probability, words, shows === label, choose)));
   }
   box.append(list);
   if (answer.scores.length > FEW) {
@@ -39,6 +40,7 @@ export function bars(
 function bar(
   label: string,
   probability: number,
+  words: string,
   shown: boolean,
   choose: (() => void) | null,
 ): HTMLElement {
@@ -46,7 +48,7 @@ function bar(
   fill.style.width = `${Math.max(0.4, 100 * probability)}%`;
   const parts = [
     make("span", { className: "bar-name", textContent: plain(label) }),
-    make("span", { className: "bar-value", textContent: percent(probability) }),
+    make("span", { className: "bar-value", textContent: words }),
     make("span", { className: "bar", ariaHidden: "true" }, fill),
   ];
   if (!choose) return make("div", { className: "class-row" }, ...parts);

@@ -4,7 +4,7 @@ import type { Answer, Refused } from "../api";
 import { make } from "../dom";
 import type { Entry } from "../entries";
 import type { Form } from "../visit";
-import { describe, isWeak, megabytes, plain, rightOf100 } from "../words";
+import { describe, isRough, isWeak, megabytes, plain, rightOf100 } from "../words";
 import { alike } from "./alike";
 import { bars } from "./bars";
 
@@ -87,7 +87,9 @@ function verdict(answer: Answer): HTMLElement[] {
     words.textContent = `Unlike everything that ${answer.model.name} knows. The nearest class is ${first}.`;
   } else {
     title.textContent = isWeak(answer) && second ? `Probably ${first}, or ${second}` : first;
-    words.textContent = `${rightOf100(answer.probability)} of 100 answers like this are right.`;
+    words.textContent = isRough(answer)
+      ? `These percentages are rough: ${answer.model.name} had too few examples to calibrate them. Teach it more.`
+      : `${rightOf100(answer.probability)} of 100 answers like this are right.`;
   }
   return [title, words];
 }

@@ -217,13 +217,14 @@ def test_evidence_that_is_computed_can_be_cancelled(visitor: Visitor) -> None:
 
 
 def test_a_weak_answer_names_two_and_a_surer_model(visitor: Visitor) -> None:
-    """An unknown mesh shows no full bar."""
+    """An unknown mesh shows no full bar. A model without calibration is never surer."""
 
     def weaken(route: Route) -> None:
-        share = 0.97 if "model=tiny" in route.request.url else weak
+        rough = "model=learned" in route.request.url
+        share = 0.99 if rough else 0.97 if "model=tiny" in route.request.url else weak
         files = {"file": ("hand.stl", SAMPLES["hand"].read_bytes())}
         answer = httpx.post(route.request.url, files=files).json()
-        answer["unknown"] = share < 0.5
+        answer["unknown"] = None if rough else share < 0.5
         answer["probability"] = answer["scores"][0]["probability"] = share
         route.fulfill(json=answer)
 
@@ -242,6 +243,38 @@ def test_a_weak_answer_names_two_and_a_surer_model(visitor: Visitor) -> None:
     visitor.at(".surer button").click()
     expect(visitor.at(".file-line")).to_contain_text("model tiny")
     expect(visitor.at(".bars li")).to_have_count(3)
+
+
+def test_a_model_without_calibration_says_that_its_percentages_are_rough(
+    visit: Callable[..., Visitor],
+) -> None:
+    """As one taught from a few examples is."""
+
+    def uncalibrated(route: Route) -> None:
+        files = {"file": ("hand.stl", SAMPLES["hand"].read_bytes())}
+        answer = httpx.post(route.request.url, files=files).json()
+        answer["unknown"] = None
+        answer["probability"] = answer["scores"][0]["probability"] = 0.9999
+        route.fulfill(json=answer)
+
+    def listed(route: Route) -> None:
+        answer = route.fetch().json()
+        answer["models"][0] |= {"calibration": None}
+        answer["models"][0]["training"] |= {"taught": {"examples": {"hand": 2, "lamp": 2}}}
+        route.fulfill(json=answer)
+
+    visitor = visit(**DESKTOP)
+    visitor.page.route("**/v1/classify*", uncalibrated)
+    visitor.page.route("**/v1/models", listed)
+    visitor.page.reload()
+    visitor.give(SAMPLES["hand"])
+    expect(visitor.at(".bar-value").first).to_have_text(re.compile("^about 99\\s%$"))
+    expect(visitor.at(".confidence")).to_contain_text(
+        "These percentages are rough: shrec11 had too"
+    )
+    expect(visitor.at("#result")).not_to_contain_text("of 100")
+    visitor.at("#model").click()
+    expect(visitor.at("#models button").first).to_contain_text("rough percentages")
 
 
 def test_which_way_is_up_and_wires(visitor: Visitor, tmp_path: Path) -> None:
