@@ -55,17 +55,29 @@ async function walk(entry: FileSystemEntry, found: Found[]): Promise<void> {
   }
 }
 
-/** Mesh files, of the extensions that the service reads, with their pieces. Other files are left
- * out, unless nothing else is there: the service says what is wrong with them. */
-export async function gathered(given: Found[], extensions: string[]): Promise<Parts[]> {
+export interface Gathered {
+  parts: Parts[];
+  /** The names of files that are neither meshes nor pieces of one. */
+  passedOver: string[];
+}
+
+/** Mesh files, of the extensions that the service reads, with their pieces. Other files are passed
+ * over, unless nothing else is there: the service says what is wrong with them. */
+export async function gathered(given: Found[], extensions: string[]): Promise<Gathered> {
   const isMesh = ({ file }: Found) => extensions.includes(extensionOf(file.name));
   const found = (await Promise.all(given.map((one) => unpacked(one, isMesh)))).flat();
   const meshes = found.filter(isMesh);
-  const parts = (meshes.length ? meshes : found).map(async (one) => ({
-    file: one.file,
-    pieces: extensionOf(one.file.name) === "gltf" ? await piecesOf(one, found) : [],
-  }));
-  return Promise.all(parts);
+  const used = new Set(meshes.length ? meshes : found);
+  const parts = [...used].map(async (one): Promise<Parts> => {
+    const pieces = extensionOf(one.file.name) === "gltf" ? await piecesOf(one, found) : [];
+    for (const piece of pieces) used.add(piece);
+    const nameOf = ({ path }: Found) => path.slice(folderOf(one.path).length);
+    return { file: one.file, pieces: pieces.map((piece) => new File([piece.file], nameOf(piece))) };
+  });
+  return {
+    parts: await Promise.all(parts),
+    passedOver: found.filter((one) => !used.has(one)).map(({ file }) => file.name),
+  };
 }
 
 /** The files in a ZIP archive. One without meshes, or that cannot be unpacked, stays itself: the
@@ -80,13 +92,10 @@ async function unpacked(one: Found, isMesh: (file: Found) => boolean): Promise<F
   return files.some(isMesh) ? files : [one];
 }
 
-async function piecesOf(mesh: Found, found: Found[]): Promise<File[]> {
-  const byPath = new Map(found.map(({ file, path }) => [path, file]));
+async function piecesOf(mesh: Found, found: Found[]): Promise<Found[]> {
+  const byPath = new Map(found.map((one) => [one.path, one]));
   const uris = await bufferUris(mesh.file);
-  return uris.flatMap((uri) => {
-    const file = byPath.get(folderOf(mesh.path) + uri);
-    return file ? [new File([file], uri)] : [];
-  });
+  return uris.flatMap((uri) => byPath.get(folderOf(mesh.path) + uri) ?? []);
 }
 
 /** The relative paths of a .gltf file's buffers; none if it cannot be read. */

@@ -14,7 +14,7 @@ import { Stage } from "./stage";
 import { thumbnail } from "./thumbnails";
 import { isZUp } from "./upright";
 import { type Form, Visit } from "./visit";
-import { megabytes } from "./words";
+import { megabytes, passedOverIn } from "./words";
 
 const result = byId("result");
 const entryList = byId("entries");
@@ -32,8 +32,15 @@ const models = new ModelMenu(() => {
   for (const entry of visit.entries) visit.ask(entry, models.chosen);
 });
 let extensions: string[] = []; // of files that the service reads
-const add = async (found: Found[]) =>
-  visit.add(await gathered(found, extensions), models.chosen);
+const openFiles = byId("choose");
+const passedOver = byId("passed-over");
+
+async function add(found: Found[]): Promise<void> {
+  const given = await gathered(found, extensions);
+  visit.add(given.parts, models.chosen);
+  passedOver.textContent = passedOverIn(given.passedOver);
+  if (given.passedOver.length) say(passedOver.textContent);
+}
 
 let rendering = 0;
 
@@ -48,7 +55,7 @@ function render(): void {
   const entry = visit.current;
   const explains = entry !== null && visit.explains(entry);
   stage.show(entry, explains ? visit.evidence : null, (on) => visit.showEvidence(entry!, on));
-  keepFocus(result, () =>
+  keepFocus(result, result, () =>
     result.replaceChildren(
       ...(entry ? panel(entry, explains, visit.evidence, actionsOn(entry)) : []),
     ),
@@ -57,7 +64,7 @@ function render(): void {
   const listed = isPressed(sorted) ? byVerdict(visit.entries) : visit.entries;
   const remove = (one: Entry) => visit.remove([one]);
   const select = (one: Entry) => visit.select(one);
-  keepFocus(entryList, () =>
+  keepFocus(entryList, openFiles, () =>
     entryList.replaceChildren(
       ...listed.map((one) => entryCard(one, one === entry, { select, remove })),
     ),
@@ -76,12 +83,14 @@ const actionsOn = (entry: Entry): Actions => ({
   search: visit.library && (() => void visit.search(entry)),
 });
 
-/** Elements are made anew; the one in the place of the focused one gets its focus. */
-function keepFocus(box: HTMLElement, change: () => void): void {
+/** Elements are made anew; the one in the place of the focused one gets its focus, or `otherwise`. */
+function keepFocus(box: HTMLElement, otherwise: HTMLElement, change: () => void): void {
   const buttons = () => [...box.querySelectorAll("button")];
   const index = buttons().indexOf(document.activeElement as HTMLButtonElement);
   change();
-  if (index >= 0) buttons()[index]?.focus({ preventScroll: true });
+  if (index < 0) return;
+  buttons()[index]?.focus({ preventScroll: true });
+  if (document.activeElement === document.body) otherwise.focus({ preventScroll: true });
 }
 
 async function save(entry: Entry, form: Form): Promise<void> {
@@ -117,7 +126,11 @@ function listen(): void {
     sorted.setAttribute("aria-pressed", String(!isPressed(sorted)));
     changed();
   };
-  byId("clear").onclick = () => visit.remove([...visit.entries]);
+  byId("clear").onclick = () => {
+    visit.remove([...visit.entries]);
+    passedOver.textContent = "";
+    openFiles.focus();
+  };
   byId("csv").onclick = () => download(new File([csvOf(visit.entries)], "meshes.csv"));
 }
 

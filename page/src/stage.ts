@@ -4,7 +4,7 @@ import { byId, isPressed } from "./dom";
 import type { Entry, Legend } from "./entries";
 import type { Shown } from "./parsing";
 import { Viewer } from "./viewer";
-import { count, plain, signed } from "./words";
+import { count, plain, sum } from "./words";
 
 const canvas = byId<HTMLCanvasElement>("view");
 const spin = byId<HTMLButtonElement>("spin");
@@ -112,7 +112,5 @@ function describe(entry: Entry, evidence: boolean, legend: Legend | undefined): 
   toggle.textContent = error ? "Try again" : !evidence ? "Show" : computing ? "Cancel" : "Hide";
   if (!legend) return;
   byId("legend-scale").style.background = `linear-gradient(90deg, ${legend.colours.join(", ")})`;
-  const faces = legend.score - legend.bias;
-  byId("legend-sum").textContent =
-    `Score ${legend.score.toFixed(2)} = faces ${faces.toFixed(2)} ${signed(legend.bias)} bias`;
+  byId("legend-sum").textContent = sum(legend);
 }

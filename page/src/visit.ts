@@ -53,6 +53,7 @@ export class Visit {
   }
 
   remove(entries: Entry[]): void {
+    this.say("");
     const place = this.entries.indexOf(this.current!);
     for (const entry of entries) {
       entry.explaining?.abort();
@@ -115,7 +116,7 @@ export class Visit {
     this.changed();
     entry.similar = await this.attempt(entry, () => api.similar(entry.files));
     entry.searching = false;
-    if (entry.similar) this.say(`${entry.similar.length} meshes of the library are shown`);
+    if (entry.similar && entry === this.current) this.say(`${entry.similar.length} meshes of the library are shown`);
     this.changed();
   }
 
@@ -174,7 +175,7 @@ export class Visit {
         entry.state = share < 1 ? { step: "sending", share } : { step: "waiting" };
         this.changed();
       });
-      if (entry.model !== model) return; // another was chosen meanwhile
+      if (entry.model !== model || !this.entries.includes(entry)) return;
       await this.answered(entry, answer);
     } catch (error) {
       this.fail(entry, api.asRefused(error));
@@ -229,6 +230,7 @@ export class Visit {
   }
 
   private fail(entry: Entry, error: api.Refused): void {
+    if (!this.entries.includes(entry)) return;
     entry.state = { step: "failed", error };
     this.say(`${entry.file.name}: ${error.title}. ${error.message}`);
     this.changed();
@@ -243,7 +245,7 @@ export class Visit {
     try {
       return await work();
     } catch (error) {
-      if (signal?.aborted) return null;
+      if (signal?.aborted || !this.entries.includes(entry)) return null;
       entry.explainError = api.asRefused(error);
       this.say(entry.explainError.message);
       this.changed();

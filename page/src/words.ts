@@ -1,6 +1,7 @@
 // What the service found, in plain words.
 
 import type { Answer, MeshReport } from "./api";
+import type { Legend } from "./entries";
 
 const whole = new Intl.NumberFormat("en", { useGrouping: true });
 
@@ -32,9 +33,16 @@ export function megabytes(bytes: number): string {
   return `${Number(value.toFixed(value < 10 ? 1 : 0))} MB`;
 }
 
-/** A number after its sign, for sums. */
-export const signed = (value: number) =>
-  `${value < 0 ? "\u2212" : "+"} ${Math.abs(value).toFixed(2)}`;
+/** "Score 0.04 = faces 0.06 − 0.02 bias": what is left of the two rounded numbers is the bias. */
+export function sum({ score, bias }: Legend): string {
+  const whole = Math.round(100 * score);
+  const faces = Math.round(100 * (score - bias));
+  const rest = whole - faces;
+  const sign = rest < 0 ? "\u2212" : "+";
+  return `Score ${decimal(whole)} = faces ${decimal(faces)} ${sign} ${decimal(Math.abs(rest))} bias`;
+}
+
+const decimal = (hundredths: number) => (hundredths / 100).toFixed(2).replace("-", "\u2212");
 
 /** The name of a class, as one would write it. */
 export const plain = (name: string) => name.replaceAll("_", " ");
@@ -83,6 +91,15 @@ function faces(mesh: MeshReport): string {
   if (mesh.resampled === "decimated") return `${all}, simplified to ${count(mesh.faces_used)}`;
   if (mesh.resampled === "subdivided") return `${all}, divided into ${count(mesh.faces_used)}`;
   return all;
+}
+
+const MOST_NAMES = 3;
+
+/** "1 file passed over: notes.txt", or nothing for none. */
+export function passedOverIn(names: string[]): string {
+  if (!names.length) return "";
+  const some = names.slice(0, MOST_NAMES).join(", ") + (names.length > MOST_NAMES ? ", …" : "");
+  return `${counted(names.length, "file")} passed over: ${some}`;
 }
 
 const listed = (items: string[]) => new Intl.ListFormat("en").format(items);

@@ -90,6 +90,7 @@ def test_an_archive_of_meshes_is_a_gallery(visit: Callable[..., Visitor]) -> Non
     expect(names).to_have_text(["lamp.obj", "balls.gltf", "hand.stl"])
     expect(visitor.at("#entries .card-verdict")).to_contain_text(["lamp", "two balls", "hand"])
     expect(visitor.at("#entries img")).to_have_count(3)
+    expect(visitor.at("#passed-over")).to_have_text("1 file passed over: read me.txt")
 
 
 def test_a_gallery_is_sorted_saved_and_cleared(
@@ -131,6 +132,8 @@ def test_a_gallery_is_sorted_saved_and_cleared(
     visitor.at("#clear").click()
     expect(visitor.at("#empty")).to_be_visible()
     expect(visitor.at("#result")).to_be_empty()
+    expect(visitor.at("#status")).to_be_empty()
+    expect(visitor.at("#choose")).to_be_focused()
 
 
 @pytest.mark.parametrize(
@@ -195,6 +198,29 @@ def test_the_evidence_of_the_winner_is_shown_at_once(visitor: Visitor) -> None:
     until(lambda: orange(pixels(view)) < 0.001)
     expect(visitor.at("#legend")).to_be_hidden()
     expect(visitor.at('.bars [aria-pressed="true"]')).to_have_count(0)
+
+
+def test_the_legend_has_its_scale_at_every_width_and_adds_up(visit: Callable[..., Visitor]) -> None:
+    visitor = visit(**DESKTOP)
+    spiders, lamp = (
+        {"name": name, "mimeType": "", "buffer": SAMPLES[name.split(".")[0]].read_bytes()}
+        for name in ("spiders.ply", "lamp.obj")
+    )
+    visitor.give(spiders, lamp, POINTS | {"name": "notes.txt"})
+    scale, words = visitor.at("#legend-scale"), visitor.at("#legend-sum")
+    expect(scale).to_be_visible()
+    expect(visitor.at("#passed-over")).to_have_text("1 file passed over: notes.txt")
+    for width in (390, 1024, 1280, 1440):
+        visitor.page.set_viewport_size({"width": width, "height": 800})
+        assert scale.evaluate("element => element.offsetWidth") >= 120
+    text = str(words.text_content())
+    assert "-" not in text
+    sum_of = re.sub(r"(?<=[+-]) ", "", text.replace("\u2212", "-"))
+    score, faces, bias = map(float, re.findall(r"[+-]?\d+\.\d\d", sum_of))
+    assert round(faces + bias, 2) == score
+    expect(visitor.at("#entries .card.done")).to_have_count(2)
+    visitor.at("#entries .remove").last.press("Enter")
+    expect(visitor.at("#choose")).to_be_focused()
 
 
 def test_evidence_that_is_computed_can_be_cancelled(visitor: Visitor) -> None:
