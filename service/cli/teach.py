@@ -131,7 +131,7 @@ def _read(teacher: "Teacher", folder: Path, limits: "Limits") -> "Examples":
         except (MeshError, OSError) as error:
             reason = Failure.of(error).message
             click.echo(f"{readable(str(sample.path))} is left out: {printable(reason)}", err=True)
-    folders = {path.name for path in folder.iterdir() if path.is_dir()}
+    folders = {p.name for p in folder.iterdir() if p.is_dir() and not p.name.startswith(".")}
     split_folders = {sample.split for sample in listed}
     if lacking := sorted(folders - {sample.label for sample in used} - split_folders):
         shown = ", ".join(map(printable, lacking[:NAMED]))
