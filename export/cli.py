@@ -57,25 +57,21 @@ def export(
 
     try:
         if is_model:
-            model, made = _read_model(checkpoint)
-            prepared = _prepare(made.config, meshes)
+            model, read = _read_model(checkpoint)
+            made = _export_whole(model, output, _prepare(read.config, meshes))
         else:
             loaded = _load(checkpoint)  # first: its extra has all that is needed
 
-            from meshconv3d.export.onnx_file import make_model
+            from meshconv3d.export.onnx_file import export_model, make_model
 
             about = _read_text(card) if card else ""
             prepared = _prepare(loaded.network.config, meshes)
-            inputs = _inputs(loaded, prepared)
-            model, made = make_model(loaded, name or output.stem, inputs, about)
-        if whole:
-            from meshconv3d.export.whole import export_whole
-
-            made = export_whole(model, output, prepared)
-        else:
-            from meshconv3d.model.files import write_whole
-
-            write_whole(output, model.SerializeToString())
+            inputs, title = _inputs(loaded, prepared), name or output.stem
+            if whole:
+                model, _ = make_model(loaded, title, inputs, about)
+                made = _export_whole(model, output, prepared)
+            else:
+                made = export_model(loaded, output, title, inputs, about)
     except ParityError as error:
         raise click.ClickException(f"{output} was not written: {error}") from None
     size = output.stat().st_size
@@ -164,6 +160,14 @@ def _read_model(path: Path) -> "tuple[onnx.ModelProto, ModelCard]":
     if [value.name for value in session.get_inputs()] != input_names(card.config):
         raise click.ClickException(f"{path} is a whole pipeline already, or is damaged")
     return onnx.load_model_from_string(content), card
+
+
+def _export_whole(
+    model: "onnx.ModelProto", output: Path, prepared: "dict[str, Mesh]"
+) -> "ModelCard":
+    from meshconv3d.export.whole import export_whole  # its extra may be missing
+
+    return export_whole(model, output, prepared)
 
 
 def _read_text(path: Path) -> str:
