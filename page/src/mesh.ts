@@ -1,9 +1,10 @@
 // A mesh and its checks, with the words of the service (`model.mesh`, `model.errors`).
 
-/** vertices: 3 V numbers. faces: 3 F, each below V. */
+/** vertices: 3 V numbers. faces: 3 F, each below V. note: parts that reading left out or guessed. */
 export interface Mesh {
   vertices: Float64Array;
   faces: Int32Array;
+  note?: string;
 }
 
 /** Error of one mesh, or of its file. fault: short stable code, as "non-finite-vertices". */

@@ -1,33 +1,96 @@
-// From the bytes of a file to its triangles, as `model.loading` reads them.
+// From the bytes of a file to its triangles, as `model.loading` reads them: the triangles of a whole
+// file, and nothing else that it holds. Nothing outside the given bytes is ever opened.
 
-import { OBJLoader } from "three/examples/jsm/loaders/OBJLoader.js";
-import { PLYLoader } from "three/examples/jsm/loaders/PLYLoader.js";
-import { STLLoader } from "three/examples/jsm/loaders/STLLoader.js";
-import { MeshError, type Mesh } from "../mesh";
+import { MeshError } from "../mesh";
 import { extensionOf } from "../parsing/formats";
-import { readGltf } from "../parsing/gltf";
-import { soupOf, soupOfGeometry, type Soup } from "../parsing/soup";
+import { readAmf } from "./amf";
+import { isZip } from "./archive";
+import { readGltf, type ColouredMesh, type Pieces } from "./gltf";
+import { readObj } from "./obj";
+import { readOff } from "./off";
+import { readPly } from "./ply";
+import { isExactBinary, readStl } from "./stl";
+import { decoded, isWide } from "./text";
+import { read3mf } from "./threemf";
 
-const text = (data: ArrayBuffer) => new TextDecoder().decode(data);
+interface Format {
+  title: string;
+  read: (data: Uint8Array, pieces?: Pieces) => ColouredMesh | Promise<ColouredMesh>;
+}
 
-const READERS: Record<string, ((data: ArrayBuffer) => Soup | Promise<Soup>) | undefined> = {
-  obj: (data) => soupOf(new OBJLoader().parse(text(data))),
-  stl: (data) => soupOfGeometry(new STLLoader().parse(data)),
-  ply: (data) => soupOfGeometry(new PLYLoader().parse(data)),
-  glb: readGltf,
-  gltf: readGltf,
+/** Formats by their extensions. */
+const FORMATS: Record<string, Format | undefined> = {
+  obj: { title: "Wavefront OBJ", read: readObj },
+  off: { title: "Object File Format", read: readOff },
+  stl: { title: "STL", read: readStl },
+  ply: { title: "Stanford PLY", read: readPly },
+  glb: { title: "binary glTF", read: readGltf },
+  gltf: { title: "glTF", read: readGltf },
+  "3mf": { title: "3MF", read: read3mf },
+  amf: { title: "AMF", read: readAmf },
 };
+// Formats whose first bytes are fixed: what begins otherwise is not one of them.
+const MARKED = ["ply", "glb", "gltf", "3mf", "amf"];
 
-/** All triangles of a mesh file, nothing welded or cleaned. Throws MeshError. */
-export async function load(name: string, data: ArrayBuffer): Promise<Mesh> {
-  const reader = READERS[extensionOf(name)];
-  if (!reader) {
+/** The extensions that are read. */
+export const EXTENSIONS = Object.keys(FORMATS);
+
+/** All triangles of a mesh file, nothing welded or cleaned. name: declares its format. pieces: the files
+ * in which a .gltf keeps its buffers. Throws MeshError, whatever the bytes are. */
+export async function load(name: string, data: ArrayBuffer, pieces?: Pieces): Promise<ColouredMesh> {
+  const extension = extensionOf(name);
+  const format = FORMATS[extension];
+  if (!format) {
     throw new MeshError(
       "unknown-format",
-      `${name} is of a format that is not read in the browser (which reads ` +
-        `${Object.keys(READERS).join(", ")}); the service reads more`,
+      `'${name}' is of a format that is not read in the browser, which reads ${EXTENSIONS.join(", ")}; ` +
+        "convert the mesh to one of these, or ask the service, which reads more",
     );
   }
-  const { positions } = await reader(data);
-  return { vertices: positions, faces: Int32Array.from({ length: positions.length / 3 }, (_, i) => i) };
+  const bytes = asUtf8(new Uint8Array(data));
+  if (!bytes.length) throw new MeshError("empty-file", "the file is empty (0 bytes); export it again");
+  const content = sniff(bytes, extension);
+  if (content !== extension && (content || MARKED.includes(extension))) {
+    const found = content ? `is ${FORMATS[content]?.title ?? "a ZIP archive"} (${content})` : "is something else";
+    throw new MeshError(
+      "format-mismatch",
+      `the file is declared as ${extension} ('${name}'), but its content ${found}; ` +
+        "correct the file name, or export the mesh again",
+    );
+  }
+  try {
+    return await format.read(bytes, pieces);
+  } catch (error) {
+    if (error instanceof MeshError) throw error;
+    // Damaged bytes can make the libraries underneath raise nearly anything.
+    throw new MeshError(
+      "unreadable",
+      `the file cannot be read as ${format.title}; it is damaged or was written wrongly, export it again`,
+    );
+  }
+}
+
+/** The same text in UTF-8, where it was in UTF-16. The header of a binary STL may begin with any bytes. */
+const asUtf8 = (data: Uint8Array) =>
+  isWide(data) && !isExactBinary(data) ? new TextEncoder().encode(decoded(data)) : data;
+
+const SNIFFED = 2 ** 20; // bytes
+
+/** The extension of the format that the content is certainly in, or null. */
+function sniff(data: Uint8Array, declared: string): string | null {
+  // First, since the 80 bytes of a binary STL's header may spell anything.
+  if (isExactBinary(data)) return "stl";
+  if (isZip(data)) return ["3mf", "amf"].includes(declared) ? declared : "zip";
+  const text = decoded(data.subarray(0, SNIFFED));
+  const start = text.slice(0, 4096).trimStart();
+  if (text.startsWith("glTF")) return "glb";
+  if (/^ply\s/.test(text)) return "ply";
+  if (start.startsWith("{")) return "gltf";
+  if (/^solid/i.test(start)) return "stl";
+  if (start.startsWith("<") && /<amf[\s>]/.test(start)) return "amf";
+  if (/^(?:\s*#.*[\r\n])*\s*(?:ST)?C?N?4?n?OFF(?:\b|(?=\d))/.test(text)) return "off";
+  if (!text.slice(0, 4096).replace(/\0+$/, "").includes("\0") && /(?:^|[\r\n])[ \t]*v[ \t]+[-+.\d]/.test(text)) {
+    return "obj";
+  }
+  return null;
 }

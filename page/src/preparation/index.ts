@@ -32,9 +32,9 @@ export interface Prepared extends Mesh {
 }
 
 /** Clean, bring to `budget` faces, centre, and scale into the unit sphere. vertices: 3 V numbers;
- * faces: 3 F. Throws MeshError for what is no mesh, where no surface with area is left, and where
+ * faces: 3 F; note: that of reading them. Throws MeshError for what is no mesh, where no surface with area is left, and where
  * simplification destroyed it. */
-export function prepare(vertices: Float64Array, faces: Int32Array, budget: number): Prepared {
+export function prepare(vertices: Float64Array, faces: Int32Array, budget: number, note = ""): Prepared {
   const mesh = { vertices, faces };
   check(mesh);
   const surface = clean(mesh);
@@ -81,7 +81,7 @@ export function prepare(vertices: Float64Array, faces: Int32Array, budget: numbe
       within_budget: facesUsed <= budget,
       components_lost: parts - partsLeft,
       area_kept: Number(areaKept.toFixed(4)),
-      note: dropped ? `${dropped} of ${parts} parts were dropped` : "",
+      note: [note, dropped && `${dropped} of ${parts} parts were dropped`].filter(Boolean).join("; "),
     },
     centre: [0, 1, 2].map((k) => surface.corner[k] + surface.size * centre[k]) as Vector,
     radius: surface.size * radius,
