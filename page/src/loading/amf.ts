@@ -6,7 +6,7 @@ import { MeshError, type Mesh } from "../mesh";
 import { isZip, unpack } from "./archive";
 import { limit } from "./limits";
 import { MeshObject, placedObjects, type Reference } from "./objects";
-import { numberOf, readXml, type Tag } from "./xml";
+import { numberOf, readXml, wholeOf, type Tag } from "./xml";
 
 // Elements that hold a number, in a vertex, a triangle or an instance.
 const POINT = ["x", "y", "z"];
@@ -35,11 +35,14 @@ class Document {
   private isLeftOut = false;
   private placed = 0;
 
-  start = (tag: Tag): void => {
+  start = (tag: Tag): boolean => {
     const { name } = tag;
+    if (VALUES.has(name)) return !(name in this.values);
     if (name === "vertex" || name === "triangle") {
       this.values = {};
-    } else if (name === "object" || name === "constellation") {
+      return true;
+    }
+    if (name === "object" || name === "constellation") {
       limit("geometries", ++this.placed);
       this.object = new MeshObject();
       this.objects.set(tag.need("id"), this.object);
@@ -53,12 +56,13 @@ class Document {
     } else if (name === "metadata") {
       this.metadata = tag.get("type") ?? "";
     }
+    return name === "coordinates";
   };
 
   end = (name: string, text: string): void => {
     if (VALUES.has(name)) this.values[name] = text;
-    else if (name === "vertex") this.object.vertices.push(...this.numbers(POINT));
-    else if (name === "triangle") this.object.corners.push(...this.numbers(TRIANGLE));
+    else if (name === "vertex") this.object.vertices.push(...this.numbers(POINT, numberOf));
+    else if (name === "triangle") this.object.corners.push(...this.numbers(TRIANGLE, wholeOf));
     else if (name === "instance") this.object.components.push({ key: this.instance, matrix: this.matrix() });
     else if (name === "metadata" && SLICER.test(`${this.metadata}=${text}`)) this.isLeftOut = true;
     else if (name === "volume" && this.isLeftOut) {
@@ -77,7 +81,7 @@ class Document {
     return free.map((key) => ({ key, matrix: new Matrix4() }));
   }
 
-  private numbers(names: string[]): number[] {
+  private numbers(names: string[], numberOf: (word: string) => number): number[] {
     return names.map((name) => numberOf(this.values[name] ?? ""));
   }
 

@@ -6,8 +6,9 @@ export const LIMITS = {
   vertices: 10_000_000,
   faces: 10_000_000,
   geometries: 10_000, // placed parts of a scene
+  "repeated faces": 1_000_000, // of parts where they are placed once more
   "ear steps": 1e9, // comparisons by which concave polygons are cut
-  values: 2_000_000, // in the JSON of a glTF file
+  values: 2_000_000, // in the JSON of a glTF file; elements and attributes of XML
   "unpacked bytes": 2 ** 29,
 };
 
@@ -19,7 +20,7 @@ export function limit(
 ): void {
   if (count <= LIMITS[what]) return;
   throw new MeshError(
-    `too-many-${what.replace(" ", "-")}`,
+    `too-many-${what.replaceAll(" ", "-")}`,
     `${found}, more than the limit of ${LIMITS[what]}; simplify the mesh or split it up`,
   );
 }

@@ -11,7 +11,8 @@ const CONTINUED = /^[ \t]*[vf][ \t][^\n#]*\\\n(?:[^\n#]*\\\n)*/gm;
 const REFERENCE = /^([+-]?)(\d{1,18})(?:\/|$)/;
 
 export function readObj(data: Uint8Array): Mesh {
-  const text = textOf(data).replace(CONTINUED, (lines) => lines.replaceAll("\\\n", " "));
+  let text = textOf(data);
+  if (text.includes("\\")) text = text.replace(CONTINUED, (lines) => lines.replaceAll("\\\n", " "));
   const words = new Words(text, 0, true);
   const vertices: number[] = [];
   const corners: number[] = [];

@@ -98,8 +98,8 @@ export function readBytes(
 interface Source {
   /** Whether records, of which each takes `least` bytes, or words, can be there. */
   holds(records: number, fields: Field[]): boolean;
-  begin(): void;
-  /** Throws ENDED. */
+  /** Begin a record of an element. Where the source ends within, all throw Ended. */
+  begin(element: string): void;
   next(kind: Kind): number;
   skip(kind: Kind, count: number): void;
   end(): void;
@@ -134,7 +134,7 @@ function readElement(source: Source, element: Element, wanted: string[]): Table 
   const table: Table = { numbers: new Float64Array(length * columns.length), items: [], counts: [] };
   try {
     for (let record = 0; fields.length && record < length; record++) {
-      source.begin();
+      source.begin(name);
       for (const { item, count, column, isKept } of steps) {
         if (!count) {
           if (column < 0) source.skip(item, 1);
@@ -172,6 +172,8 @@ const noteOfMore = (bytes: number) =>
     : "";
 
 class TextSource implements Source {
+  private element = "";
+
   constructor(
     readonly words: Words,
     readonly lines: boolean,
@@ -182,7 +184,8 @@ class TextSource implements Source {
     return 2 * fields.length * records <= this.words.text.length - this.words.place + 1;
   }
 
-  begin(): void {
+  begin(element: string): void {
+    this.element = element;
     if (this.words.isAtEnd) throw new Ended();
     this.words.toNext();
   }
@@ -204,8 +207,8 @@ class TextSource implements Source {
     if (word) return word;
     if (!this.lines || this.words.isAtEnd) throw new Ended();
     throw new MeshError(
-      "bad-record",
-      `a record has fewer numbers than it must have, in the line ${this.words.line}; ` +
+      ["vertex", "face"].includes(this.element) ? `bad-${this.element}` : "bad-record",
+      `a ${quoted(this.element)} record has fewer numbers than it must have, in the line ${this.words.line}; ` +
         "the file is damaged, export it again",
     );
   }

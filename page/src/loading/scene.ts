@@ -16,6 +16,8 @@ export function flatten(placed: Placed[]): Mesh {
   const sizeOf = (array: "vertices" | "faces") => placed.reduce((sum, { part }) => sum + part[array].length / 3, 0);
   limit("vertices", sizeOf("vertices"));
   limit("faces", sizeOf("faces"));
+  const own = [...new Set(placed.map(({ part }) => part))].reduce((sum, { faces }) => sum + faces.length / 3, 0);
+  limit("repeated faces", sizeOf("faces") - own);
   const vertices = new Float64Array(3 * sizeOf("vertices"));
   const faces = new Int32Array(3 * sizeOf("faces"));
   const point = new Vector3();

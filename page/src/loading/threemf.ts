@@ -7,7 +7,7 @@ import { partName, unpack } from "./archive";
 import { limit } from "./limits";
 import { MeshObject, placedObjects, type Reference } from "./objects";
 import { quoted } from "./text";
-import { numberOf, readXml, type Tag } from "./xml";
+import { numberOf, readXml, wholeOf, type Tag } from "./xml";
 
 const ROOT_KIND = "http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel";
 const RELATIONS = "_rels/.rels";
@@ -102,15 +102,19 @@ class ModelPart {
     readXml(data, name, this.start);
   }
 
-  private start = (tag: Tag): void => {
-    if (this.namespace === null) return this.model(tag);
+  private start = (tag: Tag): boolean => {
+    if (this.namespace === null) this.model(tag);
     // Elements of other namespaces than the root's are passed over.
-    if (tag.namespace !== this.namespace) return;
+    if (tag.namespace !== this.namespace) return false;
     if (tag.name === "vertex") {
       for (const axis of ["x", "y", "z"]) this.object.vertices.push(numberOf(tag.need(axis)));
-    } else if (tag.name === "triangle") {
-      for (const corner of ["v1", "v2", "v3"]) this.object.corners.push(numberOf(tag.need(corner)));
-    } else if (tag.name === "object") {
+      return true;
+    }
+    if (tag.name === "triangle") {
+      for (const corner of ["v1", "v2", "v3"]) this.object.corners.push(wholeOf(tag.need(corner)));
+      return true;
+    }
+    if (tag.name === "object") {
       limit("geometries", ++this.placed);
       this.object = new MeshObject();
       this.object.isSupport = SUPPORTS.includes(tag.get("type") ?? "");
@@ -120,6 +124,7 @@ class ModelPart {
     } else if (tag.name === "item") {
       this.build.push(this.reference(tag));
     }
+    return false;
   };
 
   private model(tag: Tag): void {
@@ -148,7 +153,7 @@ class ModelPart {
     if (transform !== undefined) {
       const words = transform.trim().split(/\s+/);
       if (words.length !== 12) throw new MeshError("bad-number", "a transform must be 12 numbers");
-      const [a, b, c, d, e, f, g, h, i, x, y, z] = words.map(numberOf);
+      const [a, b, c, d, e, f, g, h, i, x, y, z] = words.map((word) => numberOf(word));
       matrix.set(a, d, g, x, b, e, h, y, c, f, i, z, 0, 0, 0, 1); // stored by columns
     }
     return { key: keyOf(part, tag.need("objectid")), matrix };

@@ -3,6 +3,7 @@
 
 import { SaxesParser, type SaxesTagNS } from "saxes";
 import { MeshError } from "../mesh";
+import { limit } from "./limits";
 import { decoded, quoted } from "./text";
 
 /** An element that begins. */
@@ -17,18 +18,19 @@ export interface Tag {
 
 const DEEPEST = 1000;
 
-/** Call `onStart` for the start of every element, and `onEnd` for its end, with the text in it. name: of
- * the document, for messages. */
+/** Call `onStart` for the start of every element, and `onEnd` for its end, with the text in it. Elements
+ * and attributes are counted by a limit, except those of which `onStart` says that another counts them.
+ * name: of the document, for messages. */
 export function readXml(
   data: Uint8Array,
   name: string,
-  onStart: (tag: Tag) => void,
+  onStart: (tag: Tag) => boolean | void,
   onEnd: (name: string, text: string) => void = () => {},
 ): void {
   const parser = new SaxesParser({ xmlns: true });
   const malformed = (why: string) =>
     new MeshError("bad-document", `the XML of ${quoted(name)} makes no sense: ${why}`);
-  let depth = 0;
+  let [depth, values] = [0, 0];
   let text = "";
   parser.on("error", ({ message }) => {
     throw malformed(message);
@@ -39,7 +41,9 @@ export function readXml(
   parser.on("opentag", (tag) => {
     if (++depth > DEEPEST) throw malformed(`elements are nested more than ${DEEPEST} deep`);
     text = "";
-    onStart(new Started(tag, malformed));
+    if (onStart(new Started(tag, malformed))) return;
+    values += 1 + Object.keys(tag.attributes).length;
+    limit("values", values);
   });
   parser.on("text", (more) => (text += more));
   parser.on("closetag", ({ local }) => {
@@ -76,8 +80,11 @@ class Started implements Tag {
 }
 
 /** The number that a word is. */
-export function numberOf(word: string): number {
+export function numberOf(word: string, isRight: (value: number) => boolean = (value) => !Number.isNaN(value)): number {
   const value = Number(word);
-  if (word.trim() && !Number.isNaN(value)) return value;
+  if (word.trim() && isRight(value)) return value;
   throw new MeshError("bad-number", `${quoted(word)} stands where a number is expected`);
 }
+
+/** The whole number that a word is. */
+export const wholeOf = (word: string) => numberOf(word, Number.isSafeInteger);
