@@ -49,7 +49,7 @@ class NodeCost:
 def profile_nodes(content: bytes, arrays: Mapping[str, NDArray]) -> list[NodeCost]:
     """The nodes of a model file, in the order in which they run."""
     with tempfile.TemporaryDirectory() as folder:
-        options = session_options(content)
+        options = session_options()
         options.enable_profiling = True
         options.profile_file_prefix = str(Path(folder) / "profile")
         session = onnxruntime.InferenceSession(content, options)

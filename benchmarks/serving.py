@@ -79,7 +79,7 @@ def _join(barrier) -> None:
 def _work(design: Design, content: bytes, model_name: str) -> float:
     model = ModelFile.read(model_name)
     config = model.open().card.config
-    options = session_options(model.content)
+    options = session_options()
     options.intra_op_num_threads = design.intra_op
     session = onnxruntime.InferenceSession(model.content, options)
 

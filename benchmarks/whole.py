@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from meshconv3d.export.comparison import OUTPUTS
 from meshconv3d.export.runtime import open_session
-from meshconv3d.export.whole.parity import as_given, other_indices, whole_inputs
+from meshconv3d.export.whole.parity import other_indices
 from meshconv3d.export.whole.pipeline import OWN, join, topology_model
 from meshconv3d.model.config import NetworkConfig
 from meshconv3d.model.datasets import find_samples
@@ -29,7 +29,7 @@ from meshconv3d.model.errors import MeshError
 from meshconv3d.model.loading import load_mesh
 from meshconv3d.model.mesh import Mesh
 from meshconv3d.model.preparation import prepare
-from meshconv3d.model.topology.inputs import collate, mesh_inputs
+from meshconv3d.model.topology.inputs import as_given, collate, mesh_inputs, whole_inputs
 from meshconv3d.service.models import ModelFile
 
 MOST_TIMES = 4.0

@@ -2,6 +2,6 @@
 
 `onnx_file` folds and traces the network and writes the file, `translation` maps its operators to
 ONNX, `parity` compares the file with torch, `cli` has the commands. `whole` adds the topology stage
-to the graph of a model file. At run time only three modules are used, without torch and onnx:
-`metadata`, the card in a file; `operators`, our operators for onnxruntime; `runtime`, sessions.
+to the graph of a model file. At run time only two modules are used, without torch and onnx:
+`metadata`, the card in a file; `runtime`, sessions.
 """

@@ -1,22 +1,23 @@
 """`meshconv3d export` and `verify`: write a model file, and compare one with its checkpoint."""
 
-from dataclasses import asdict, is_dataclass
+from dataclasses import asdict, is_dataclass, replace
 from pathlib import Path
 from textwrap import shorten
 from typing import TYPE_CHECKING
 
 import click
 
-from meshconv3d.model.checkpoints import CheckpointFile
+from meshconv3d.model.checkpoints import CheckpointFile, shipped_checkpoints
 
 if TYPE_CHECKING:
     import onnx
 
-    from meshconv3d.export.metadata import ModelCard
     from meshconv3d.model.config import NetworkConfig
     from meshconv3d.model.mesh import Mesh
     from meshconv3d.model.nn.checkpoint import Checkpoint
-    from meshconv3d.model.topology.inputs import MeshInputs
+
+# The shipped model files, which have the names of their checkpoints.
+SHIPPED = Path(__file__).parents[1] / "service" / "shipped"
 
 FILE = click.Path(dir_okay=False, path_type=Path)
 EXISTING_FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
@@ -33,7 +34,7 @@ MESHES_HELP = "Also compare on this mesh, beside the samples."
     "--whole",
     is_flag=True,
     help="Take vertices and faces as inputs, for other runtimes and languages (see "
-    "docs/any-runtime.md). CHECKPOINT may be a model file, too.",
+    "docs/any-runtime.md). CHECKPOINT may be a model file, too, whose name and card are kept.",
 )
 def export(
     checkpoint: Path,
@@ -43,37 +44,40 @@ def export(
     meshes: tuple[Path, ...],
     whole: bool,
 ) -> None:
-    """Turn CHECKPOINT into one self-contained ONNX file.
+    """Turn CHECKPOINT, a file or the name of a shipped model, into one self-contained ONNX file.
 
-    The file is compared with torch on several meshes, alone and together in a ragged batch; if
-    they differ by more than 1e-4, it is not written and the exit code is 1.
+    A model with learned pooling becomes a whole pipeline in any case, since it finds indices
+    between its layers.
+
+    The file is compared with torch on several meshes, alone and together in a ragged batch, or, if
+    it is made of a model file, with that; if they differ by more than 1e-4, it is not written and
+    the exit code is 1.
     """
     if not output.parent.is_dir():
         raise click.UsageError(f"no such folder: {output.parent}")
-    is_model = whole and checkpoint.suffix == ".onnx"
-    if is_model and (name or card):
-        raise click.UsageError("--name and --card are for a checkpoint; a model file has both")
     from meshconv3d.export.comparison import ParityError
 
+    about = _read_text(card) if card else None
+    source = _model_of(checkpoint) if whole else checkpoint
     try:
-        if is_model:
-            model, read = _read_model(checkpoint)
-            made = _export_whole(model, output, _prepare(read.config, meshes))
+        if whole and source.suffix == ".onnx":
+            model, config = _read_model(source, name, about)
+
+            from meshconv3d.export.whole import export_whole
+
+            made = export_whole(model, output, _prepare(config, meshes))
         else:
-            loaded = _load(checkpoint)  # first: its extra has all that is needed
+            loaded = _load(source)  # first: its extra has all that is needed
 
-            from meshconv3d.export.onnx_file import export_model, make_model
+            from meshconv3d.export.onnx_file import export_model
 
-            about = _read_text(card) if card else ""
             prepared = _prepare(loaded.network.config, meshes)
-            inputs, title = _inputs(loaded, prepared), name or output.stem
-            if whole:
-                model, _ = make_model(loaded, title, inputs, about)
-                made = _export_whole(model, output, prepared)
-            else:
-                made = export_model(loaded, output, title, inputs, about)
+            title = name or output.stem
+            made = export_model(loaded, output, title, prepared, about or "", whole)
     except ParityError as error:
         raise click.ClickException(f"{output} was not written: {error}") from None
+    if made.config.pooling == "learned" and not whole:
+        click.echo("its pooling is learned: the file takes vertices and faces, as with --whole")
     size = output.stat().st_size
     click.echo(f"wrote {output} ({size / 1e6:.2f} MB), parity {_parity(made.parity)}")
 
@@ -98,11 +102,12 @@ def verify(model: Path, checkpoint: Path, meshes: tuple[Path, ...]) -> None:
     from meshconv3d.export.metadata import ModelFileError, read_card
     from meshconv3d.export.onnx_file import embedding_space, probe
     from meshconv3d.export.parity import check_parity
+    from meshconv3d.model.topology.inputs import mesh_inputs
 
     content = model.read_bytes()
     try:
-        inputs = _inputs(loaded, _prepare(loaded.network.config, meshes))
-        parity = check_parity(content, loaded.network, list(inputs.values()))
+        prepared = _prepare(loaded.network.config, meshes)
+        parity = check_parity(content, loaded.network, prepared)
         properties = onnx.load_model_from_string(content).metadata_props
         card = read_card({entry.key: entry.value for entry in properties})
     except (ParityError, ModelFileError) as error:
@@ -124,9 +129,10 @@ def verify(model: Path, checkpoint: Path, meshes: tuple[Path, ...]) -> None:
         if getattr(card, name) != value:
             raise click.ClickException(f"{model}: {_differences(name, getattr(card, name), value)}")
     sample = card.probe.sample
-    if sample not in inputs:
+    if sample not in prepared:
         raise click.ClickException(f"{model}: its probe is {sample!r}, which is no sample")
-    scores = probe(loaded.network, sample, inputs[sample]).scores
+    inputs = mesh_inputs(prepared[sample], loaded.network.config)
+    scores = probe(loaded.network, sample, inputs).scores
     if not np.allclose(card.probe.scores, scores, rtol=TOLERANCE, atol=TOLERANCE):
         raise click.ClickException(
             f"{model}: its probe has the scores {card.probe.scores} for {sample}, the checkpoint "
@@ -144,30 +150,35 @@ def _load(path: Path) -> "Checkpoint":
         raise click.ClickException(str(error)) from None
 
 
-def _read_model(path: Path) -> "tuple[onnx.ModelProto, ModelCard]":
+def _model_of(checkpoint: Path) -> Path:
+    """The model file of a shipped checkpoint, which needs no torch; any other path as it is."""
+    if shipped_checkpoints().get(checkpoint.stem) != checkpoint:
+        return checkpoint
+    return SHIPPED / f"{checkpoint.stem}.onnx"
+
+
+def _read_model(
+    path: Path, name: str | None, about: str | None
+) -> "tuple[onnx.ModelProto, NetworkConfig]":
+    """A model file, with another name and description where they are given."""
     import onnx
 
     from meshconv3d.export.metadata import ModelFileError, read_card
-    from meshconv3d.export.runtime import open_session
-    from meshconv3d.model.topology.inputs import input_names
+    from meshconv3d.export.runtime import is_whole, open_session
 
     content = path.read_bytes()
     try:
         session = open_session(content)
-        card = read_card(session.get_modelmeta().custom_metadata_map)
+        properties = session.get_modelmeta().custom_metadata_map
+        card = read_card(properties)
     except ModelFileError as error:
         raise click.ClickException(f"{path}: {error}") from None
-    if [value.name for value in session.get_inputs()] != input_names(card.config):
-        raise click.ClickException(f"{path} is a whole pipeline already, or is damaged")
-    return onnx.load_model_from_string(content), card
-
-
-def _export_whole(
-    model: "onnx.ModelProto", output: Path, prepared: "dict[str, Mesh]"
-) -> "ModelCard":
-    from meshconv3d.export.whole import export_whole  # its extra may be missing
-
-    return export_whole(model, output, prepared)
+    if is_whole(session):
+        raise click.ClickException(f"{path} is a whole pipeline already")
+    card = replace(card, name=name or card.name, about=card.about if about is None else about)
+    model = onnx.load_model_from_string(content)
+    onnx.helper.set_model_props(model, properties | card.to_properties())
+    return model, card.config
 
 
 def _read_text(path: Path) -> str:
@@ -191,14 +202,6 @@ def _prepare(config: "NetworkConfig", extra: tuple[Path, ...]) -> "dict[str, Mes
         except MeshError as error:
             raise click.ClickException(f"{path}: {error}") from None
     return meshes
-
-
-def _inputs(checkpoint: "Checkpoint", meshes: "dict[str, Mesh]") -> "dict[str, MeshInputs]":
-    """The network's inputs for meshes, by name."""
-    from meshconv3d.model.topology.inputs import mesh_inputs
-
-    config = checkpoint.network.config
-    return {name: mesh_inputs(mesh, config) for name, mesh in meshes.items()}
 
 
 def _differences(name: str, found: object, expected: object) -> str:

@@ -16,7 +16,7 @@ from meshconv3d.model.errors import Error
 
 PREFIX = "meshconv3d."
 FORMAT_VERSION: Literal[6] = 6
-NORMALISATION = "surface centroid at the origin, farthest vertex on the unit sphere"
+NORMALISATION = "surface centroid at the origin, farthest vertex on the unit sphere, float32"
 
 
 class ModelFileError(Error):

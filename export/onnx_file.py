@@ -18,14 +18,16 @@ from torch.nn.utils.fusion import fuse_linear_bn_eval
 
 from meshconv3d.export.comparison import OUTPUTS
 from meshconv3d.export.metadata import ModelCard, Probe
-from meshconv3d.export.parity import check_parity
+from meshconv3d.export.parity import check_parity, run_network
 from meshconv3d.export.translation import TRANSLATIONS
+from meshconv3d.export.whole import make_whole
 from meshconv3d.model.config import NetworkConfig
 from meshconv3d.model.files import write_whole
+from meshconv3d.model.mesh import Mesh
 from meshconv3d.model.nn.checkpoint import Checkpoint
 from meshconv3d.model.nn.layers import Descriptor, PatchConvolution
 from meshconv3d.model.nn.network import Network, as_tensors
-from meshconv3d.model.topology.inputs import MeshInputs, collate, input_names
+from meshconv3d.model.topology.inputs import MeshInputs, collate, input_names, mesh_inputs
 
 OPSET = 20
 
@@ -39,9 +41,6 @@ ABOUT_VALUES = {
     "terms": "geometric terms of each face, the input of the learned descriptors",
     "patches": "the K faces of each patch: the face itself, its neighbours, theirs, ...",
     "pools": "the faces that each pooled face gathers",
-    "faces": "the corners of each face",
-    "lengths": "the length of each side of each face",
-    "starts": "where the faces of each mesh begin, and the end",
     "readout": "the faces of each mesh at the last level",
     "scores": "a score for each class; their softmax, over the temperature of the card, is the "
     "probability among the classes",
@@ -55,40 +54,38 @@ def export_model(
     checkpoint: Checkpoint,
     path: Path,
     name: str,
-    meshes: Mapping[str, MeshInputs],
+    meshes: Mapping[str, Mesh],
     about: str = "",
+    whole: bool = False,
 ) -> ModelCard:
-    """Export to `path` and return the card; errors and arguments: see `make_model`."""
-    model, card = make_model(checkpoint, name, meshes, about)
-    write_whole(path, model.SerializeToString())
-    return card
+    """Write a checkpoint to `path`, if the file computes what the network does.
 
-
-def make_model(
-    checkpoint: Checkpoint, name: str, meshes: Mapping[str, MeshInputs], about: str = ""
-) -> tuple[onnx.ModelProto, ModelCard]:
-    """A model that has passed the parity check, with its card.
-
-    meshes: at least two, by name; the first is a sample, whose scores go into the card. The graph
-    is traced on them and compared with torch on each, alone and in one batch. about: Markdown for
-    the card. Raises ParityError.
+    meshes: at least two that are prepared, by name; the first is a sample, whose scores go into the
+    card. The graph is traced on them and compared with torch on each, alone and in one batch.
+    about: Markdown for the card. whole: as a whole pipeline; with learned pooling it is one in any
+    case, since indices are found between the layers. Raises ParityError, leaving no file.
     """
-    graph = trace_graph(checkpoint.network, list(meshes.values()))
+    network, config = checkpoint.network, checkpoint.network.config
+    inputs = {title: mesh_inputs(mesh, config) for title, mesh in meshes.items()}
+    graph = trace_graph(network, list(inputs.values()))
+    if whole or config.pooling == "learned":
+        graph = make_whole(graph, config, meshes)
     training = dict(checkpoint.training)
     card = ModelCard(
         name=name,
-        config=checkpoint.network.config,
+        config=config,
         opset=OPSET,
         training=training,
         accuracy=training.pop("accuracy", {}),
         calibration=checkpoint.calibration,
-        space=embedding_space(checkpoint.network),
-        parity=check_parity(graph.SerializeToString(), checkpoint.network, list(meshes.values())),
-        probe=probe(checkpoint.network, *next(iter(meshes.items()))),
+        space=embedding_space(network),
+        parity=check_parity(graph.SerializeToString(), network, meshes),
+        probe=probe(network, *next(iter(inputs.items()))),
         about=about,
     )
     onnx.helper.set_model_props(graph, card.to_properties())
-    return graph, card
+    write_whole(path, graph.SerializeToString())
+    return card
 
 
 def embedding_space(network: Network) -> str:
@@ -102,8 +99,7 @@ def embedding_space(network: Network) -> str:
 
 def probe(network: Network, sample: str, inputs: MeshInputs) -> Probe:
     """A sample mesh with its scores, for the self test of a runtime."""
-    with torch.inference_mode():
-        scores = network.eval()(*as_tensors(collate([inputs]))).scores
+    scores = run_network(network, collate([inputs]))["scores"]
     return Probe(sample, tuple(round(score, 5) for score in scores[0].tolist()))
 
 
@@ -136,7 +132,7 @@ def _describe(graph: onnx.GraphProto) -> None:
     """Name the nodes by their layers, and say what inputs and outputs are."""
     graph.name, graph.doc_string = "meshconv3d", ABOUT
     for value in (*graph.input, *graph.output):
-        value.doc_string = ABOUT_VALUES[value.name.rstrip("_0123456789")]
+        value.doc_string = ABOUT_VALUES.get(value.name.rstrip("_0123456789"), "")
     numbers = Counter()
     for node in graph.node:
         scopes = [p.value for p in node.metadata_props if p.key == "pkg.torch.onnx.name_scopes"]

@@ -3,22 +3,29 @@
 Official builds of onnxruntime send events about every process, model and error, and keep an
 identifier of the device in the home folder. ORT_DISABLE_TELEMETRY, which is read as the library is
 loaded, is the only switch against both. All other modules import onnxruntime from this one.
+
+A model file begins with the arrays of the topology stage; a whole-pipeline file (`export.whole`)
+with the mesh. `graph_inputs` makes the inputs of either.
 """
 
 import os
 import re
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 os.environ["ORT_DISABLE_TELEMETRY"] = "1"
 
 import onnxruntime
 
 from meshconv3d.export.metadata import ModelFileError
-from meshconv3d.export.operators import DOMAIN, operator_library
+from meshconv3d.model.config import NetworkConfig
+from meshconv3d.model.mesh import Mesh
+from meshconv3d.model.topology.inputs import as_given, collate, mesh_inputs, whole_inputs
 
-__all__ = ["onnxruntime", "open_session", "run", "session_options"]
+__all__ = ["graph_inputs", "is_whole", "onnxruntime", "open_session", "run", "session_options"]
 
 # onnxruntime has no types for these errors: words of their messages.
 OUT_OF_MEMORY = re.compile("bad_alloc|allocate memory")
@@ -33,8 +40,8 @@ EXTERNAL_DATA = b"\n\x08location\x12"
 def open_session(content: bytes) -> onnxruntime.InferenceSession:
     """A session on the bytes of a model file; `run` is thread-safe.
 
-    Raises ModelFileError for a file that is damaged, no model, not whole, made for a newer
-    onnxruntime, or in need of operators that are not installed.
+    Raises ModelFileError for a file that is damaged, no model, without its weights, or made for a
+    newer onnxruntime.
     """
     if content[8:9] == b"{" and b'"dtype"' in content[:4096]:  # safetensors
         raise ModelFileError(
@@ -46,11 +53,10 @@ def open_session(content: bytes) -> onnxruntime.InferenceSession:
             "its weights lie in another file, which the hash of this one does not cover; save the "
             "model with its weights in one file, as meshconv3d export does"
         )
-    options = session_options(content)
     try:
         # Without fallback: it would print to stdout and then fail in the same way.
         session = onnxruntime.InferenceSession(
-            content, options, providers=["CPUExecutionProvider"], enable_fallback=0
+            content, session_options(), providers=["CPUExecutionProvider"], enable_fallback=0
         )
         _ = session.get_modelmeta().custom_metadata_map  # it may be damaged, too
     except Exception as error:
@@ -77,18 +83,34 @@ def run(
         raise
 
 
-def session_options(content: bytes) -> onnxruntime.SessionOptions:
-    """How the bytes of a model file are run: each mesh on one thread, they are too small to share.
-
-    Raises ModelFileError where it needs operators that are not installed.
-    """
+def session_options() -> onnxruntime.SessionOptions:
+    """How model files are run: each mesh on one thread, they are too small to share."""
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = 1
     options.log_severity_level = 4  # errors reach the caller as exceptions, nothing goes to stderr
     # The arena would keep what the largest mesh took; without it, a mesh takes as long.
     options.enable_cpu_mem_arena = False
     options.enable_mem_pattern = False  # which would take all of it at once, anew for each mesh
-    # What a file needs can only be asked once it is open, which takes what it needs.
-    if DOMAIN.encode() in content:
-        options.register_custom_ops_library(operator_library())
     return options
+
+
+def is_whole(session: onnxruntime.InferenceSession) -> bool:
+    """Whether a file is a whole pipeline."""
+    return [value.name for value in session.get_inputs()] == ["vertices", "faces"]
+
+
+class GraphInputs(NamedTuple):
+    """Inputs of a graph by name, and the mesh that they are of."""
+
+    mesh: Mesh
+    arrays: dict[str, NDArray]
+
+
+def graph_inputs(
+    session: onnxruntime.InferenceSession, mesh: Mesh, config: NetworkConfig
+) -> GraphInputs:
+    """What the graph of a model file or of a whole pipeline takes of a prepared mesh."""
+    if is_whole(session):
+        arrays = whole_inputs(mesh)
+        return GraphInputs(as_given(arrays), arrays)
+    return GraphInputs(mesh, collate([mesh_inputs(mesh, config)]))

@@ -4,8 +4,8 @@ Each class is the direction of the mean of its examples' features, whitened by a
 classes share: that of the base model, until there are many examples. The class with the smallest
 angle wins, as in SimpleShot (Wang et al., 2019): a mean of few examples is too long by their noise,
 and a discriminant by distance (Fisher, 1936) gets a fourth fewer right from one example. A score is
-linear in the features, so that it stays an exact sum over faces. The result is an ordinary model
-file: the base's graph with another head.
+linear in the features, so that it stays an exact sum over faces. The result is a file of
+the base's kind: its graph with another head.
 """
 
 import base64
@@ -26,11 +26,10 @@ from numpy.typing import NDArray
 from onnx import numpy_helper
 
 from meshconv3d.export.metadata import ModelCard, ModelFileError, Probe, read_card
-from meshconv3d.export.runtime import open_session, run
+from meshconv3d.export.runtime import graph_inputs, open_session, run
 from meshconv3d.model.calibration import Calibration, calibrate, softmax
 from meshconv3d.model.mesh import Mesh
 from meshconv3d.model.preparation import prepare
-from meshconv3d.model.topology.inputs import collate, mesh_inputs
 
 # Properties of a taught file that hold its examples' features and the within-class whitening matrix
 # of its base, so that it can be taught more.
@@ -148,7 +147,7 @@ class Teacher:
     """A model whose head is replaced by one for other classes."""
 
     def __init__(self, content: bytes) -> None:
-        """content: a model file. Raises ModelFileError."""
+        """content: a model file or a whole-pipeline file. Raises ModelFileError."""
         self._sha256 = hashlib.sha256(content).hexdigest()
         properties = open_session(content).get_modelmeta().custom_metadata_map
         self._graph = onnx.load_model_from_string(content)
@@ -211,12 +210,13 @@ class Teacher:
 
     def features(self, mesh: Mesh) -> NDArray[np.float32]:
         """The features of a mesh that the head reads, C. Raises UnusableMesh."""
-        return run(self._session, [self._pooled], self._arrays(mesh))[0][0]
+        return self._run(self._session, self._pooled, mesh)
 
-    def _arrays(self, mesh: Mesh) -> dict[str, NDArray]:
-        """The graph's inputs for a mesh."""
-        prepared, _ = prepare(mesh, self.card.config.face_budget)
-        return collate([mesh_inputs(prepared, self.card.config)])
+    def _run(self, session: Any, output: str, mesh: Mesh) -> NDArray[np.float32]:
+        """One output of a session for a mesh. Raises UnusableMesh."""
+        config = self.card.config
+        prepared, _ = prepare(mesh, config.face_budget)
+        return run(session, [output], graph_inputs(session, prepared, config).arrays)[0][0]
 
     def fit(self, examples: Examples) -> tuple[Head, LeftOut]:
         """The head for some examples, and what they say of one another."""
@@ -270,7 +270,7 @@ class Teacher:
         }
         onnx.helper.set_model_props(self._graph, properties)
         content = self._graph.SerializeToString()
-        found = run(open_session(content), ["scores"], self._arrays(mesh))[0][0]
+        found = self._run(open_session(content), "scores", mesh)
         if not np.allclose(found, scores, rtol=1e-4, atol=1e-4):
             raise ModelFileError("the base model's graph is not one that its export writes")
         return Taught(content, card, left_out)

@@ -1,7 +1,7 @@
 """Translation of the operators of `model.nn.levels` for torch's ONNX exporter.
 
-The exporter runs no kernel: it needs the shapes of their results, and the ONNX operators that
-replace them.
+The exporter runs no kernel: it needs the shapes of their results, and ONNX operators in their
+places, GrowPatches and PoolFaces. `export.whole.surface` writes those in standard ones.
 """
 
 from collections.abc import Callable, Sequence
@@ -11,9 +11,10 @@ from onnx.defs import OpSchema
 from onnxscript.values import Op, Opset
 from torch import Tensor
 
-from meshconv3d.export.operators import DOMAIN, VERSION
+from meshconv3d.export.whole.surface import DOMAIN
 from meshconv3d.model.nn.levels import grow_patches, pool_faces
 
+VERSION = 1
 REAL, WHOLE, PRECISE = "tensor(float)", "tensor(int32)", "tensor(double)"
 
 

@@ -1,4 +1,4 @@
-"""Classifier: the topology stage and the graph at run time, from a mesh to its prediction."""
+"""Classifier: preparation, topology and the graph at run time, from a mesh to its prediction."""
 
 import os
 import threading
@@ -11,16 +11,19 @@ from typing import Any, Protocol, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from meshconv3d.export.runtime import run
+from meshconv3d.export.runtime import graph_inputs, run
 from meshconv3d.model.attribution import contributions
 from meshconv3d.model.calibration import softmax
 from meshconv3d.model.chirality import chirality
+from meshconv3d.model.config import NetworkConfig
 from meshconv3d.model.errors import Error, MeshError, UnusableMesh
 from meshconv3d.model.loading import Limits, load_mesh
 from meshconv3d.model.mesh import Mesh
 from meshconv3d.model.preparation import AREA_KEPT, MeshReport, Placement, prepare_placed
 from meshconv3d.model.samples import sample_paths
-from meshconv3d.model.topology.inputs import MeshInputs, collate, mesh_inputs
+from meshconv3d.model.topology import Surface
+from meshconv3d.model.topology.geometry import face_geometry
+from meshconv3d.model.topology.inputs import topology_of
 from meshconv3d.service.models import DEFAULT_MODEL, Model, open_model
 from meshconv3d.service.prediction import Prediction
 
@@ -80,22 +83,24 @@ class SelfTestError(Error):
 class Pass:
     """Intermediate values of one classification, for explanations and pictures.
 
-    prepared: input of the topology stage; placement: its position in the file; inputs: of the
-    network. evidence: N_L x N_c float32, the share of each face of the last level in the scores.
+    prepared: as the graph reads it; placement: its position in the file; config: of the network.
+    evidence: N_L x N_c float32, the share of each face of the last level in the scores.
     """
 
     prepared: Mesh
     placement: Placement
-    inputs: MeshInputs
+    config: NetworkConfig
     evidence: NDArray[np.float32]
     prediction: Prediction
 
     def contributions(self, class_index: int) -> NDArray[np.float64]:
         """Contribution of each face of the prepared mesh to the score of a class, F_0 float64."""
-        topology = self.inputs.topology
-        if topology is None:
+        if self.config.pooling == "learned":
             raise ValueError("learned pooling does not tell which faces it gathered")
-        return contributions(self.evidence[:, class_index], topology, self.inputs.surface)
+        surface = Surface.of(self.prepared)
+        geometry = face_geometry(self.prepared.vertices, self.prepared.faces)
+        topology = topology_of(surface, geometry, self.config)
+        return contributions(self.evidence[:, class_index], topology, surface)
 
 
 class Classifier:
@@ -176,8 +181,7 @@ class Classifier:
         with timed(timings, "prepare"):
             prepared, report, placement = prepare_placed(mesh, config.face_budget)
         with timed(timings, "topology"):
-            inputs = mesh_inputs(prepared, config)
-            arrays = collate([inputs])
+            read, arrays = graph_inputs(self.model.session, prepared, config)
         with timed(timings, "infer"):
             scores, novelty, embedding, evidence = run(
                 self.model.session, ["scores", "novelty", "embedding", "evidence"], arrays
@@ -197,7 +201,7 @@ class Classifier:
             report,
             timings,
         )
-        return Pass(prepared, placement, inputs, evidence, prediction)
+        return Pass(read, placement, config, evidence, prediction)
 
     def _calibrated(
         self, scores: NDArray[np.float32], novelty: float, report: MeshReport

@@ -1,4 +1,4 @@
-"""Model files: shipped ones by name, others by path."""
+"""Model files and whole-pipeline files: shipped ones by name, others by path."""
 
 import hashlib
 from dataclasses import dataclass
@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from meshconv3d.export.metadata import ModelCard, ModelFileError, read_card
+from meshconv3d.export.runtime import is_whole, open_session
 from meshconv3d.export.runtime import onnxruntime as ort
-from meshconv3d.export.runtime import open_session
 from meshconv3d.model.topology.inputs import input_names
 from meshconv3d.service.prediction import ModelId
 
@@ -94,8 +94,8 @@ class ModelFile:
 def open_model(name_or_path: str) -> Model:
     """Open a model by name or path.
 
-    Raises ModelFileError for a file that is missing, damaged, not of this project, made by a newer
-    version, or in need of operators that are not installed.
+    Raises ModelFileError for a file that is missing, damaged, not of this project, or made by a
+    newer version.
     """
     return ModelFile.read(name_or_path).open()
 
@@ -106,12 +106,8 @@ def _check_graph(path: Path, session: ort.InferenceSession, card: ModelCard) -> 
     found = [value.name for value in session.get_inputs()]
     outputs = {value.name: value.shape for value in session.get_outputs()}
     classes = outputs.get("scores", [None])[-1]
-    if found == ["vertices", "faces"]:
-        raise ModelFileError(
-            f"{path} is a whole pipeline, for other runtimes (meshconv3d export --whole); use the "
-            "model file that it was made from"
-        )
-    if found != expected or set(outputs) != {"scores", "evidence", "novelty", "embedding"}:
+    known = found == expected or is_whole(session)
+    if not known or set(outputs) != {"scores", "evidence", "novelty", "embedding"}:
         raise ModelFileError(f"{path}: the graph takes {found} and gives {sorted(outputs)}")
     if classes != len(card.config.classes):
         raise ModelFileError(

@@ -116,13 +116,13 @@ def tiny_checkpoint(config: NetworkConfig, path: Path) -> Path:
     return path
 
 
-def exported(checkpoint: Path, path: Path) -> Path:
-    """The model file that `meshconv3d export` makes of a checkpoint."""
+def exported(source: Path, path: Path, *options: str) -> Path:
+    """The file that `meshconv3d export` makes of a checkpoint, or of a model file."""
     from click.testing import CliRunner
 
     from meshconv3d.service.cli.main import commands
 
-    result = CliRunner().invoke(commands, ["export", str(checkpoint), "-o", str(path)])
+    result = CliRunner().invoke(commands, ["export", str(source), "-o", str(path), *options])
     assert result.exit_code == 0, result.output
     return path
 
@@ -154,8 +154,16 @@ def model_file(checkpoint_file: Path, tmp_path_factory: pytest.TempPathFactory) 
 
 
 @pytest.fixture(scope="session")
+def whole_file(model_file: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The whole pipeline of that model file: `whole.onnx`."""
+    return made_once(
+        "whole.onnx", lambda path: exported(model_file, path, "--whole"), tmp_path_factory
+    )
+
+
+@pytest.fixture(scope="session")
 def learned_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The same with learned pooling: `learned.onnx`."""
+    """The same with learned pooling, which is a whole pipeline: `learned.onnx`."""
 
     def make(path: Path) -> Path:
         config = replace(SMALL, pooling="learned")

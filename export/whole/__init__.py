@@ -7,6 +7,6 @@ choose and count is the same, to the last index. `arrays` is what they are writt
 needed, torch is not.
 """
 
-from meshconv3d.export.whole.pipeline import export_whole
+from meshconv3d.export.whole.pipeline import export_whole, make_whole
 
-__all__ = ["export_whole"]
+__all__ = ["export_whole", "make_whole"]

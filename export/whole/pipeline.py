@@ -23,7 +23,7 @@ from meshconv3d.export.whole.descriptors import descriptor_terms, pooling_featur
 from meshconv3d.export.whole.geometry import face_geometry
 from meshconv3d.export.whole.halfedges import edge_lengths, find_twins
 from meshconv3d.export.whole.integral_invariants import integral_invariants
-from meshconv3d.export.whole.parity import check_whole
+from meshconv3d.export.whole.parity import check_outputs, check_topology
 from meshconv3d.export.whole.surface import build_topology, write_operators
 from meshconv3d.model.config import NetworkConfig
 from meshconv3d.model.files import write_whole
@@ -46,20 +46,26 @@ def export_whole(model: onnx.ModelProto, path: Path, meshes: Mapping[str, Mesh])
     Raises ModelFileError for a file without a card, and ParityError, leaving no file.
     """
     properties = {entry.key: entry.value for entry in model.metadata_props}
-    card = read_card(properties)
-    topology = topology_model(card.config, model)
-    whole = join(topology, model, card.config)
-    parity = check_whole(
-        whole.SerializeToString(),
-        topology.SerializeToString(),
-        model.SerializeToString(),
-        card.config,
-        meshes,
-    )
+    config = read_card(properties).config
+    whole = make_whole(model, config, meshes)
+    parity = check_outputs(whole.SerializeToString(), model.SerializeToString(), config, meshes)
     properties[PREFIX + "parity"] = json.dumps(parity)
     helper.set_model_props(whole, properties)
     write_whole(path, whole.SerializeToString())
     return read_card(properties)
+
+
+def make_whole(
+    model: onnx.ModelProto, config: NetworkConfig, meshes: Mapping[str, Mesh]
+) -> onnx.ModelProto:
+    """The whole pipeline of a graph, without a card; its outputs remain to be compared.
+
+    meshes: prepared, on which its topology stage must choose the faces of the kernels. Raises
+    ParityError.
+    """
+    topology = topology_model(config, model)
+    check_topology(topology.SerializeToString(), config, meshes)
+    return join(topology, model, config)
 
 
 def join(

@@ -5,7 +5,6 @@ from typing import NamedTuple
 import onnx
 from onnx import helper
 
-from meshconv3d.export.operators import DOMAIN
 from meshconv3d.export.whole.arrays import (
     DOUBLE,
     INT,
@@ -19,6 +18,9 @@ from meshconv3d.export.whole.arrays import (
 from meshconv3d.export.whole.halfedges import find_twins, grow_patches, number_used, sort_adjacency
 from meshconv3d.export.whole.pooling import gather_mean, pool_faces
 from meshconv3d.model.config import NetworkConfig
+
+# Of the operators that torch's exporter writes for learned pooling, see `write_operators`.
+DOMAIN = "meshconv3d"
 
 
 class Topology(NamedTuple):

@@ -1,1 +1,1 @@
-"""Layers and the network (torch), its checkpoint, and its operators outside ONNX's own set."""
+"""Layers and the network (torch), and its checkpoint."""

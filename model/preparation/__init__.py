@@ -99,7 +99,7 @@ class Placement:
 
 
 def prepare(mesh: Mesh, face_budget: int) -> tuple[Mesh, MeshReport]:
-    """Clean, bring to `face_budget` faces, centre, and scale into the unit sphere.
+    """Clean, bring to `face_budget` faces, centre, scale into the unit sphere, round to float32.
 
     The result is an edge- and vertex-manifold mesh, wound alike and outward where possible; its
     face count is the budget or one less, and above it only where every further collapse would
@@ -153,7 +153,10 @@ def prepare_placed(mesh: Mesh, face_budget: int) -> tuple[Mesh, MeshReport, Plac
     )
     centre, radius = _sphere(vertices, faces)
     placement = Placement(surface.corner + surface.size * centre, surface.size * radius)
-    return Mesh((vertices - centre) / radius, faces), report, placement
+    # float32, in which other runtimes take it: equal weights of faces, which are frequent, else
+    # part in another way there.
+    placed = ((vertices - centre) / radius).astype(np.float32)
+    return Mesh(placed, faces), report, placement
 
 
 def _resample(

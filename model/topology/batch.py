@@ -2,9 +2,9 @@
 
 `starts`, B + 1 int32: mesh i has the faces starts[i] to starts[i + 1] - 1 of the batch.
 
-Learned pooling computes the topology between the layers of the network: torch (`model.nn.levels`)
-and onnxruntime (`export.operators`) call `grow_patches` and `pool_faces` for the graph's operators
-of these names. They take arrays, and integers as attributes, as ONNX has them.
+Learned pooling computes the topology between the layers of the network: the torch operators of
+`model.nn.levels` call `grow_patches` and `pool_faces`. They take arrays, and integers as
+attributes, as ONNX has them.
 """
 
 from collections.abc import Sequence

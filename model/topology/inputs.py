@@ -1,6 +1,6 @@
 """From prepared meshes to the arrays that the network, in torch or ONNX, takes by name."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import accumulate
 
@@ -35,11 +35,15 @@ def mesh_inputs(mesh: Mesh, config: NetworkConfig) -> MeshInputs:
     terms = terms_of(mesh.vertices, mesh.faces, geometry, surface, config)
     if config.pooling == "learned":
         return MeshInputs(terms, surface, None)
+    return MeshInputs(terms, surface, topology_of(surface, geometry, config))
+
+
+def topology_of(surface: Surface, geometry: FaceGeometry, config: NetworkConfig) -> Topology:
+    """All levels of a prepared mesh under geometric pooling."""
     features = pooling_features(geometry)
-    topology = build_topology(
+    return build_topology(
         surface, features, config.patch_size, config.targets, config.topology_options
     )
-    return MeshInputs(terms, surface, topology)
 
 
 def terms_of(
@@ -70,6 +74,19 @@ def input_names(config: NetworkConfig) -> list[str]:
         *(f"pools_{level}" for level in range(config.levels)),
         "readout",
     ]
+
+
+def whole_inputs(mesh: Mesh) -> dict[str, NDArray]:
+    """The inputs of a whole-pipeline file: vertices, V x 3 float32; faces, F x 3 int64."""
+    return {
+        "vertices": mesh.vertices.astype(np.float32),
+        "faces": mesh.faces.astype(np.int64),
+    }
+
+
+def as_given(inputs: Mapping[str, NDArray]) -> Mesh:
+    """The mesh that a whole-pipeline file is given: its vertices are rounded to float32."""
+    return Mesh(inputs["vertices"], inputs["faces"])
 
 
 def collate(batch: Sequence[MeshInputs]) -> dict[str, NDArray]:

@@ -7,12 +7,11 @@ import onnx
 import pytest
 
 from meshconv3d.export.whole import export_whole
-from meshconv3d.export.whole.parity import as_given, whole_inputs
 from meshconv3d.model.loading import load_mesh
 from meshconv3d.model.mesh import Mesh
 from meshconv3d.model.preparation import prepare
 from meshconv3d.model.samples import sample_paths
-from meshconv3d.model.topology.inputs import collate, mesh_inputs
+from meshconv3d.model.topology.inputs import as_given, collate, mesh_inputs, whole_inputs
 from meshconv3d.service.models import Model, ModelFile, shipped_models
 from tests.conftest import made_once
 from tests.meshes import write_off

@@ -11,19 +11,13 @@ import torch
 from meshconv3d.export.comparison import OUTPUTS, TOLERANCE
 from meshconv3d.export.onnx_file import export_model
 from meshconv3d.export.runtime import open_session
-from meshconv3d.model.config import PRESETS, NetworkConfig
+from meshconv3d.model.config import NetworkConfig
 from meshconv3d.model.mesh import Mesh
 from meshconv3d.model.nn.checkpoint import Checkpoint
 from meshconv3d.model.nn.network import Network, as_tensors
 from meshconv3d.model.topology.inputs import MeshInputs, collate, mesh_inputs
 from tests.meshes import cube, icosphere, moebius, sheet, together, torus
 from tests.networks import untrained
-
-
-def dented(mesh: Mesh) -> Mesh:
-    noise = np.random.default_rng(0).normal(0, 0.01, mesh.vertices.shape)
-    return mesh.moved(mesh.vertices + noise)
-
 
 # Not prepared: the graph must bear any number of faces, down to one.
 MESHES: Mapping[str, Mesh] = {
@@ -33,10 +27,8 @@ MESHES: Mapping[str, Mesh] = {
     "two loose faces": together(Mesh(np.eye(3), [[0, 1, 2]]), Mesh(np.eye(3) + 3, [[0, 1, 2]])),
     "components": together(torus(12, 6), cube(), sheet(3, 2)),
     "one-sided": moebius(),
-    # Dented: faces that are exactly alike tie in learned pooling, where rounding chooses.
-    "large": dented(icosphere(3)),
+    "large": icosphere(3),
 }
-TWO_LEVELS = {"channels": (8, 12), "targets": (300, 100)}
 CONFIGS = {
     "reference": {},
     "wide patch, two convolutions": {"patch_size": 24, "convolutions": 2},
@@ -52,9 +44,6 @@ CONFIGS = {
         "readout": "mean-peak",
         "dropout": 0.3,
     },
-    "learned pooling": {"pooling": "learned"},
-    "learned pooling, plain norm": {"pooling": "learned", "pooling_norm": "plain"} | TWO_LEVELS,
-    "the paper to the letter": PRESETS["paper"] | TWO_LEVELS,
 }
 
 # What a graph may consist of: gathers, arithmetic, matrix products, and matters of shape.
@@ -65,12 +54,6 @@ ALLOWED = {
     *("Pow", "ReduceMin", "ReduceL2"),
     *("Cast", "Concat", "Constant", "ConstantOfShape", "Expand", "Greater", "Equal"),
     *("Identity", "Reshape", "Shape", "Slice", "Split", "Squeeze", "Unsqueeze"),
-}
-# What the readout by mesh adds where the faces of the last level are not known beforehand, and the
-# two operators that choose faces.
-ALLOWED_LEARNED = {
-    *("GrowPatches", "PoolFaces"),
-    *("Range", "Less", "Where", "ReduceMax"),
 }
 # What tells each face of a batch which mesh it is of.
 ALLOWED_PEAKS = {"Range", "ScatterElements"}
@@ -85,7 +68,7 @@ class Exported:
         self.config = network.config
         self.inputs = {name: mesh_inputs(mesh, self.config) for name, mesh in MESHES.items()}
         # Traced on ordinary meshes only: the others must not need to be known beforehand.
-        known = {name: self.inputs[name] for name in ("closed", "bordered")}
+        known = {name: MESHES[name] for name in ("closed", "bordered")}
         self.card = export_model(Checkpoint(network), path, "tiny", known)
         self.session = open_session(path.read_bytes())
 
@@ -144,10 +127,9 @@ def test_scores_are_the_bias_plus_the_mean_of_the_evidence(exported: Exported) -
 
 def test_the_graph_gathers_and_multiplies_and_nothing_else(exported: Exported) -> None:
     operations = {node.op_type for node in onnx.load(exported.path).graph.node}
-    extra = ALLOWED_LEARNED if exported.config.pooling == "learned" else set()
-    if exported.config.readout == "mean-peak":
-        extra = extra | ALLOWED_PEAKS
-    assert operations - ALLOWED == extra
+    assert operations - ALLOWED == (
+        ALLOWED_PEAKS if exported.config.readout == "mean-peak" else set()
+    )
     assert operations >= {"Gather", "ReduceSum"}
 
 

@@ -11,7 +11,6 @@ from meshconv3d.export.comparison import TOLERANCE, ParityError
 from meshconv3d.export.onnx_file import export_model
 from meshconv3d.export.parity import check_parity
 from meshconv3d.model.nn.checkpoint import load_checkpoint
-from meshconv3d.model.topology.inputs import MeshInputs, mesh_inputs
 from meshconv3d.service.cli.main import commands
 from tests.meshes import sheet, torus
 
@@ -35,21 +34,16 @@ def wrong_graph(model_file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("meshconv3d.export.onnx_file.trace_graph", lambda *_: wrong)
 
 
-@pytest.fixture
-def inputs(checkpoint_file: Path) -> dict[str, MeshInputs]:
-    config = load_checkpoint(checkpoint_file).network.config
-    return {"torus": mesh_inputs(torus(), config), "sheet": mesh_inputs(sheet(), config)}
+MESHES = {"torus": torus(), "sheet": sheet()}
 
 
 @pytest.mark.usefixtures("wrong_graph")
-def test_a_wrong_graph_is_not_written(
-    checkpoint_file: Path, tmp_path: Path, inputs: dict[str, MeshInputs]
-) -> None:
+def test_a_wrong_graph_is_not_written(checkpoint_file: Path, tmp_path: Path) -> None:
     with pytest.raises(ParityError) as failure:
-        export_model(load_checkpoint(checkpoint_file), tmp_path / "tiny.onnx", "tiny", inputs)
+        export_model(load_checkpoint(checkpoint_file), tmp_path / "tiny.onnx", "tiny", MESHES)
     assert list(tmp_path.iterdir()) == []
     # Every failure at once: both outputs, of each mesh and of the batch.
-    for line in ("mesh 0: scores", "mesh 1: evidence", "ragged batch of 2: scores"):
+    for line in ("torus: scores", "sheet: evidence", "ragged batch of 2: scores"):
         assert f"{line} differs by" in str(failure.value)
 
 
@@ -69,24 +63,21 @@ def test_the_command_fails_and_leaves_what_was_there(checkpoint_file: Path, tmp_
 def test_the_tolerance_parts_rounding_from_error(
     model_file: Path,
     checkpoint_file: Path,
-    inputs: dict[str, MeshInputs],
     share: float,
     passes: bool,
 ) -> None:
     network = load_checkpoint(checkpoint_file).network
     content = nudge(onnx.load(model_file), share).SerializeToString()
     if passes:
-        parity = check_parity(content, network, list(inputs.values()))
+        parity = check_parity(content, network, MESHES)
         assert float(parity["scores"]) <= TOLERANCE
     else:
         with pytest.raises(ParityError, match="does not compute"):
-            check_parity(content, network, list(inputs.values()))
+            check_parity(content, network, MESHES)
 
 
-def test_scores_that_are_no_numbers_never_agree(
-    model_file: Path, checkpoint_file: Path, inputs: dict[str, MeshInputs]
-) -> None:
+def test_scores_that_are_no_numbers_never_agree(model_file: Path, checkpoint_file: Path) -> None:
     network = load_checkpoint(checkpoint_file).network
     content = nudge(onnx.load(model_file), float("nan")).SerializeToString()
     with pytest.raises(ParityError):
-        check_parity(content, network, list(inputs.values()))
+        check_parity(content, network, MESHES)

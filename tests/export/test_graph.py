@@ -1,7 +1,6 @@
 """What is in the exported file, read with onnx itself."""
 
 import getpass
-from dataclasses import replace
 from pathlib import Path
 
 import onnx
@@ -9,9 +8,6 @@ import pytest
 
 from meshconv3d.export.metadata import PREFIX
 from meshconv3d.export.onnx_file import OPSET
-from meshconv3d.export.operators import DOMAIN, VERSION
-from meshconv3d.model.topology.inputs import input_names
-from tests.conftest import SMALL
 
 
 @pytest.fixture(scope="module")
@@ -44,19 +40,6 @@ def test_faces_batch_and_pooling_widths_are_symbolic(graph: onnx.ModelProto) -> 
     assert all(isinstance(axis, str) for shape in ragged for axis in shape)
     for level in (1, 2):
         assert axes[f"patches_{level}"][0] == axes[f"pools_{level - 1}"][0] != faces
-
-
-def test_learned_pooling_is_in_the_one_file_by_name(learned_file: Path) -> None:
-    """So that another runtime can see what to supply."""
-    assert [file.name for file in learned_file.parent.iterdir()] == ["learned.onnx"]
-    graph = onnx.load(learned_file)
-    assert {e.domain: e.version for e in graph.opset_import} == {"": OPSET, DOMAIN: VERSION}
-    nodes = [node for node in graph.graph.node if node.domain == DOMAIN]
-    assert [node.op_type for node in nodes] == ["GrowPatches", "PoolFaces"] * SMALL.levels
-    targets = [a.i for node in nodes for a in node.attribute if a.name == "target"]
-    assert targets == list(SMALL.targets)
-    config = replace(SMALL, pooling="learned")
-    assert [value.name for value in graph.graph.input] == input_names(config)
 
 
 def test_the_card_is_in_the_files_metadata(graph: onnx.ModelProto) -> None:

@@ -31,7 +31,7 @@ export interface Prepared extends Mesh {
   radius: number;
 }
 
-/** Clean, bring to `budget` faces, centre, and scale into the unit sphere. vertices: 3 V numbers;
+/** Clean, bring to `budget` faces, centre, scale into the unit sphere, round to float32. vertices: 3 V numbers;
  * faces: 3 F; note: that of reading them. Throws MeshError for what is no mesh, where no surface with area is left, and where
  * simplification destroyed it. */
 export function prepare(vertices: Float64Array, faces: Int32Array, budget: number, note = ""): Prepared {
@@ -71,7 +71,8 @@ export function prepare(vertices: Float64Array, faces: Int32Array, budget: numbe
   const centre = surfaceCentroid(faceGeometry(result.vertices, result.faces));
   const radius = farthest(result.vertices, centre);
   return {
-    vertices: result.vertices.map((value, i) => (value - centre[i % 3]) / radius),
+    // float32, in which the graph takes them: equal weights of faces else part in another way there.
+    vertices: result.vertices.map((value, i) => Math.fround((value - centre[i % 3]) / radius)),
     faces: result.faces,
     report: {
       ...surface.counts,

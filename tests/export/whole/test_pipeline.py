@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import onnx
@@ -11,20 +12,30 @@ from click.testing import CliRunner
 from numpy.typing import NDArray
 
 from meshconv3d.export.comparison import OUTPUTS, TOLERANCE, ParityError
-from meshconv3d.export.metadata import PREFIX, ModelFileError
+from meshconv3d.export.metadata import PREFIX
+from meshconv3d.export.onnx_file import export_model
+from meshconv3d.export.parity import check_parity
 from meshconv3d.export.runtime import onnxruntime as ort
 from meshconv3d.export.runtime import open_session
 from meshconv3d.export.whole import export_whole
-from meshconv3d.export.whole.parity import as_given, run_by_name, whole_inputs
+from meshconv3d.export.whole.parity import run_by_name
 from meshconv3d.export.whole.pipeline import OWN, topology_model
-from meshconv3d.model.config import NetworkConfig
+from meshconv3d.model.config import PRESETS, NetworkConfig
 from meshconv3d.model.mesh import Mesh
+from meshconv3d.model.nn.checkpoint import Checkpoint
 from meshconv3d.model.preparation import into_unit_sphere, prepare
-from meshconv3d.model.topology.inputs import collate, input_names, mesh_inputs
+from meshconv3d.model.topology.inputs import (
+    as_given,
+    collate,
+    input_names,
+    mesh_inputs,
+    whole_inputs,
+)
 from meshconv3d.service.cli.main import commands
 from meshconv3d.service.models import open_model
 from tests.conftest import SMALL, WIDER
 from tests.meshes import cube, icosphere, moebius, sheet, together, torus
+from tests.networks import untrained
 
 # Not prepared: of any number of faces. The sphere's faces tie by its symmetry, and it has more
 # faces than the integral invariants take all of.
@@ -81,13 +92,6 @@ def test_inputs_of_the_network_are_those_of_the_kernels(
             assert found[each].dtype == array.dtype
 
 
-@pytest.fixture(scope="module")
-def whole_file(model_file: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("whole") / "whole.onnx"
-    export_whole(onnx.load(model_file), path, {"torus": in_sphere(torus())})
-    return path
-
-
 def test_outputs_are_those_of_the_model(whole_file: Path, model_file: Path) -> None:
     whole, model = (open_session(path.read_bytes()) for path in (whole_file, model_file))
     assert [value.name for value in whole.get_outputs()] == list(OUTPUTS)
@@ -130,17 +134,35 @@ def test_the_card_is_the_models_with_a_parity_of_its_own(
         for path in (whole_file, model_file)
     ]
     assert {name for name in cards[1] if cards[0][name] != cards[1][name]} == {"parity"}
-    assert '"meshes": 1' in cards[0]["parity"]
+    assert '"meshes": 12' in cards[0]["parity"]
 
 
-def test_learned_pooling_needs_no_operators_of_ours(learned_file: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {},
+        {"pooling_norm": "plain", "channels": (8, 12), "targets": (300, 100)},
+        PRESETS["paper"] | {"channels": (8, 12), "targets": (300, 100)},
+    ],
+    ids=["learned pooling", "plain norm", "the paper to the letter"],
+)
+def test_learned_pooling_is_exported_as_a_whole_pipeline(
+    settings: dict[str, Any], tmp_path: Path
+) -> None:
+    network = untrained(replace(SMALL, **{"pooling": "learned"} | settings))
     path = tmp_path / "whole.onnx"
-    meshes = {name: in_sphere(MESHES[name]) for name in ("closed", "bordered", "components")}
-    card = export_whole(onnx.load(learned_file), path, meshes)
-    assert card.parity["meshes"] == 3
+    known = {name: in_sphere(MESHES[name]) for name in ("closed", "bordered")}
+    card = export_model(Checkpoint(network), path, "learned", known)
+    assert card.parity["meshes"] == 2
     model = onnx.load(path)
     onnx.checker.check_model(model, full_check=True)
     assert [entry.domain for entry in model.opset_import] == [""]
+    # A sphere of faces that are exactly alike is dented: rounding would choose among them.
+    others = {name: in_sphere(mesh) for name, mesh in MESHES.items() if "symmetric" not in name}
+    sphere = icosphere(3)
+    noise = np.random.default_rng(0).normal(0, 0.01, sphere.vertices.shape)
+    others["dented"] = in_sphere(sphere.moved(sphere.vertices + noise))
+    check_parity(path.read_bytes(), network, others)
 
 
 def test_it_adds_less_than_200_kb(whole_file: Path, model_file: Path) -> None:
@@ -165,11 +187,6 @@ def test_no_value_of_its_own_has_the_name_of_one_of_the_network(whole_file: Path
     assert any(name.startswith(OWN) for name in names)
 
 
-def test_it_is_no_model_file(whole_file: Path) -> None:
-    with pytest.raises(ModelFileError, match="is a whole pipeline, for other runtimes"):
-        open_model(str(whole_file))
-
-
 def test_the_command_takes_a_model_file(model_file: Path, whole_file: Path, tmp_path: Path) -> None:
     """So that models that were taught, which have no checkpoint, can be made whole."""
     path = tmp_path / "whole.onnx"
@@ -179,9 +196,12 @@ def test_the_command_takes_a_model_file(model_file: Path, whole_file: Path, tmp_
     assert "12 meshes" in result.stdout
     assert onnx.load(path).graph == onnx.load(whole_file).graph
 
-    result = CliRunner().invoke(commands, [*arguments, "--name", "other"])
-    assert result.exit_code == 2
-    assert "a model file has both" in result.stderr
+    (tmp_path / "card.md").write_text("# Other")
+    named = ["--name", "other", "--card", str(tmp_path / "card.md")]
+    result = CliRunner().invoke(commands, [*arguments, *named])
+    assert result.exit_code == 0, result.output
+    card = open_model(str(path)).card
+    assert (card.name, card.about) == ("other", "# Other")
 
     result = CliRunner().invoke(commands, ["export", str(path), "--whole", "-o", str(path)])
     assert result.exit_code == 1
