@@ -3,13 +3,15 @@
 import type { Alike, Answer, Refused } from "./api";
 import type { Shown } from "./parsing";
 
-/** What the colours of an explained mesh mean; the service's legend. */
+/** What the colours of an explained mesh mean; a legend. */
 export interface Legend {
+  file: string | null;
   class: string;
   score: number;
   bias: number;
   limit: number;
   colours: string[];
+  model: Answer["model"];
 }
 
 export interface Explained {
@@ -19,13 +21,13 @@ export interface Explained {
 }
 
 export type State =
-  | { step: "sending"; share: number }
+  | { step: "sending"; share: number; bytes: number }
   | { step: "waiting" }
   | { step: "done"; answer: Answer }
   | { step: "failed"; error: Refused };
 
 export class Entry {
-  state: State = { step: "sending", share: 0 };
+  state: State = { step: "waiting" };
   /** null: not read yet, or nothing that the page can draw. */
   shown: Shown | null = null;
   unreadable = false;
@@ -56,7 +58,7 @@ export class Entry {
   /** Begin anew, with a model. */
   forget(model: string): void {
     this.model = model;
-    this.state = { step: "sending", share: 0 };
+    this.state = { step: "waiting" };
     this.explaining?.abort();
     this.explained.clear();
     this.chosen = this.explainError = null;

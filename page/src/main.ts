@@ -1,6 +1,7 @@
 // The page: wires what people do to the visit, and the visit to what is shown.
 
 import * as api from "./api";
+import { backend, isLocal } from "./backend";
 import { csvOf } from "./csv";
 import { byId, isPressed, make } from "./dom";
 import type { Entry } from "./entries";
@@ -13,7 +14,7 @@ import { byVerdict, entryCard, picture, sampleCard } from "./shelf";
 import { Stage } from "./stage";
 import { thumbnail } from "./thumbnails";
 import { isZUp } from "./upright";
-import { type Form, Visit } from "./visit";
+import { Visit } from "./visit";
 import { megabytes, passedOverIn } from "./words";
 
 const result = byId("result");
@@ -29,9 +30,10 @@ const visit = new Visit(changed, say);
 const stage = new Stage(() => visit.current && visit.turnUpright(visit.current));
 const keyForm = new KeyForm(() => (visit.models.length ? askAgain() : begin()));
 const models = new ModelMenu(() => {
+  showAbout();
   for (const entry of visit.entries) visit.ask(entry, models.chosen);
 });
-let extensions: string[] = []; // of files that the service reads
+let extensions: string[] = []; // of files that are read
 const openFiles = byId("choose");
 const passedOver = byId("passed-over");
 
@@ -42,6 +44,11 @@ async function add(found: Found[]): Promise<void> {
   if (given.passedOver.length) say(passedOver.textContent);
 }
 
+/** Say where files go, and what is loaded for the model. */
+function showAbout(): void {
+  byId("about").textContent = backend.about(models.chosen);
+}
+
 let rendering = 0;
 
 function changed(): void {
@@ -50,6 +57,7 @@ function changed(): void {
 }
 
 function render(): void {
+  showAbout();
   const refused = visit.entries.find((one) => one.error?.wantsKey)?.error;
   if (refused) keyForm.ask(refused);
   const entry = visit.current;
@@ -93,7 +101,7 @@ function keepFocus(box: HTMLElement, otherwise: HTMLElement, change: () => void)
   if (document.activeElement === document.body) otherwise.focus({ preventScroll: true });
 }
 
-async function save(entry: Entry, form: Form): Promise<void> {
+async function save(entry: Entry, form: api.Form): Promise<void> {
   const file = await visit.download(entry, form);
   if (file) download(file);
 }
@@ -105,6 +113,7 @@ function download(file: File): void {
 }
 
 function listen(): void {
+  byId("over-http").hidden = isLocal;
   for (const id of ["choose", "choose-empty"]) byId(id).onclick = () => fileInput.click();
   fileInput.onchange = () => {
     void add(chosen(fileInput.files ?? []));
@@ -143,10 +152,10 @@ function askAgain(): void {
 
 async function start(): Promise<void> {
   const [served, limits, read, library] = await Promise.all([
-    api.models(),
-    api.limits(),
-    api.formats(),
-    api.library(),
+    backend.models(),
+    backend.limits(),
+    backend.formats(),
+    backend.library(),
   ]);
   visit.library = library;
   const installed = read.filter((format) => !format.missing_extra);
@@ -157,24 +166,25 @@ async function start(): Promise<void> {
   const formats = installed.map(({ extension }) => extension.toUpperCase()).join(" · ");
   byId("accepted").textContent = `${formats}, up to ${megabytes(limits.upload_bytes)}`;
   models.fill(served);
+  showAbout();
   await showSamples();
 }
 
 async function showSamples(): Promise<void> {
-  const samples = await api.samples();
+  const samples = await backend.samples();
   const cards = samples.map((sample) => sampleCard(sample, () => void open(sample)));
   byId("sample-list").replaceChildren(...cards.map(({ card }) => card));
   byId("samples").hidden = byId("samples-hint").hidden = false;
   for (const [i, { image }] of cards.entries()) {
-    const file = await api.sampleFile(samples[i]);
-    const shown = await readForView(file, file.name).catch(() => visit.servedMesh(file));
+    const file = await backend.sampleFile(samples[i]);
+    const shown = await readForView(file, file.name).catch(() => null);
     image.replaceWith(picture(shown && thumbnail(shown, isZUp(file.name, shown.positions))));
   }
 }
 
 async function open(sample: api.Sample): Promise<void> {
   try {
-    await add(chosen([await api.sampleFile(sample)]));
+    await add(chosen([await backend.sampleFile(sample)]));
   } catch (error) {
     const refused = api.asRefused(error);
     if (refused.wantsKey) keyForm.ask(refused);

@@ -2,7 +2,7 @@
 
 import type { Model } from "./api";
 import { byId, make } from "./dom";
-import { count, plain } from "./words";
+import { count, megabytes, plain } from "./words";
 
 const NAME = "meshconv3d-model";
 const EXAMPLES = 8;
@@ -28,7 +28,7 @@ export class ModelMenu {
       "button",
       { type: "button", className: "model-row", onclick: () => this.choose(model.name) },
       make("strong", { textContent: model.name }),
-      make("span", { className: "quiet", textContent: figures(model) }),
+      make("span", { className: "quiet", textContent: figures(model) + size(model) }),
       make("span", { textContent: examples(model.config.classes) }),
     );
     row.dataset.model = model.name;
@@ -69,6 +69,9 @@ function figures({ config, accuracy, calibration, training }: Model): string {
   }
   return test === undefined ? classes : `${classes}, ${of100(test)} test meshes right`;
 }
+
+/** ", 3.7 MB" of a model that this browser has to load. */
+const size = ({ bytes }: Model) => (bytes === undefined ? "" : `, ${megabytes(bytes)}`);
 
 /** Some class names, from all over the alphabet. */
 function examples(classes: string[]): string {

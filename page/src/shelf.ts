@@ -1,6 +1,7 @@
 // Meshes side by side: those of this visit, and the samples.
 
 import type { Sample } from "./api";
+import { backend } from "./backend";
 import { make } from "./dom";
 import type { Entry } from "./entries";
 import { isRough, plain, verdict } from "./words";
@@ -13,7 +14,7 @@ export interface EntryActions {
 export function entryCard(entry: Entry, current: boolean, actions: EntryActions): HTMLElement {
   const { state } = entry;
   const words = {
-    sending: "sending …",
+    sending: `${backend.verb.toLowerCase()} …`,
     waiting: "looking …",
     done: entry.answer ? verdict(entry.answer) : "",
     failed: "not usable",

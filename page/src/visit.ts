@@ -1,6 +1,7 @@
 // The files of a visit on their way: read for the view, classified, explained. Knows no elements.
 
 import * as api from "./api";
+import { backend } from "./backend";
 import { Entry, type Explained, type Legend } from "./entries";
 import type { Parts } from "./files";
 import { readForView, type Shown } from "./parsing";
@@ -10,14 +11,6 @@ import { isRough, isWeak, megabytes, plain, verdict } from "./words";
 
 // Requests that are under way together.
 const AT_ONCE = 2;
-
-export type Form = "glb" | "ply" | "json";
-
-const MEDIA_TYPES: Record<Form, string> = {
-  glb: "model/gltf-binary",
-  ply: "model/ply",
-  json: "application/json",
-};
 
 export class Visit {
   readonly entries: Entry[] = [];
@@ -75,7 +68,7 @@ export class Visit {
     entry.forget(model);
     if (entry.file.size > this.mostBytes) {
       const words =
-        `It has ${megabytes(entry.file.size)}; the service takes ${megabytes(this.mostBytes)}. ` +
+        `It has ${megabytes(entry.file.size)}; the most that is read is ${megabytes(this.mostBytes)}. ` +
         "Simplify the mesh, or use a binary format (STL, PLY, GLB).";
       this.fail(entry, new api.Refused("This file is too large", words, false));
       return;
@@ -114,40 +107,31 @@ export class Visit {
   async search(entry: Entry): Promise<void> {
     entry.searching = true;
     this.changed();
-    entry.similar = await this.attempt(entry, () => api.similar(entry.files));
+    entry.similar = await this.attempt(entry, () => backend.similar(entry.files));
     entry.searching = false;
     if (entry.similar && entry === this.current) this.say(`${entry.similar.length} meshes of the library are shown`);
     this.changed();
   }
 
   /** What an entry is downloaded as, for the class on its surface or the likeliest. */
-  async download(entry: Entry, form: Form): Promise<File | null> {
+  async download(entry: Entry, form: api.Form): Promise<File | null> {
     const { label, model } = entry;
     const blob = await this.attempt(entry, async () => {
       if (!this.explains(entry)) return new Blob([JSON.stringify(entry.answer, null, 2)]);
       if (form === "glb") return (await this.explained(entry, label)).glb;
-      return api.explain(entry.files, { model, class: label }, MEDIA_TYPES[form]);
+      return backend.explain(entry.files, { model, class: label }, form);
     });
     return blob && new File([blob], `${entry.file.name}-${label}.${form}`);
   }
 
   private async draw(entry: Entry): Promise<void> {
     try {
-      this.drawn(entry, await readForView(entry.file, entry.file.name));
+      this.drawn(entry, await readForView(entry.file, entry.file.name, entry.pieces));
     } catch {
       entry.unreadable = true;
       void this.explain(entry);
     }
     this.changed();
-  }
-
-  /** A file that the page cannot read, as the service returns it; null where it is refused. */
-  async servedMesh(file: File): Promise<Shown | null> {
-    try {
-      return await readForView(await api.explain([file], {}, MEDIA_TYPES.glb), "a.glb");
-    } catch {
-      return null;
-    }
   }
 
   private drawn(entry: Entry, shown: Shown): void {
@@ -170,9 +154,9 @@ export class Visit {
   private async classify(entry: Entry): Promise<void> {
     const { model } = entry;
     try {
-      const answer = await api.classify(entry.files, model, (share) => {
+      const answer = await backend.classify(entry.files, model, (share, bytes) => {
         if (entry.model !== model) return;
-        entry.state = share < 1 ? { step: "sending", share } : { step: "waiting" };
+        entry.state = share < 1 ? { step: "sending", share, bytes } : { step: "waiting" };
         this.changed();
       });
       if (entry.model !== model || !this.entries.includes(entry)) return;
@@ -221,7 +205,7 @@ export class Visit {
     entry.surer = null;
     for (const { name } of this.models) {
       if (name === model) continue;
-      const other = await api.classify(entry.files, name, () => {}).catch(() => null);
+      const other = await backend.classify(entry.files, name, () => {}).catch(() => null);
       if (entry.model !== model) return;
       const least = entry.surer?.probability ?? (answer.unknown ? 0 : answer.probability);
       if (other && !isRough(other) && !isWeak(other) && other.probability > least) entry.surer = other;
@@ -257,8 +241,8 @@ export class Visit {
     const known = entry.explained.get(label);
     if (known) return known;
     const { model } = entry;
-    const glb = await api.explain(entry.files, { model, class: label }, MEDIA_TYPES.glb, signal);
-    const [legend, shown] = await Promise.all([legendOf(glb), readForView(glb, "a.glb", true)]);
+    const glb = await backend.explain(entry.files, { model, class: label }, "glb", signal);
+    const [legend, shown] = await Promise.all([legendOf(glb), readForView(glb, "a.glb", [], true)]);
     signal?.throwIfAborted();
     const explained = { glb, legend, shown };
     if (entry.model === model) entry.explained.set(label, explained);

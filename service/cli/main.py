@@ -25,6 +25,7 @@ COMMANDS = {
     "duplicates": ("service.cli.library", "List the meshes of a library that are one shape."),
     "evaluate": ("service.cli.evaluate", "Measure how good a model is."),
     "serve": ("service.cli.serve", "Answer over HTTP."),
+    "page": ("service.cli.page", "Write the page as a folder that needs no server."),
     "formats": ("service.cli.show", "List the file formats that are read."),
     "inspect": ("service.cli.show", "Show a model's card."),
     "train": ("model.training.cli", "Train a network on a folder of labelled meshes."),

@@ -1,4 +1,4 @@
-// More like this: meshes of the service's library, as pictures.
+// More like this: meshes of the library, as pictures.
 
 import type { Alike } from "../api";
 import { make } from "../dom";
@@ -40,7 +40,7 @@ function card(found: Alike): HTMLElement {
     make(
       "span",
       { className: "card" },
-      picture(found.picture && `data:image/png;base64,${found.picture}`),
+      picture(found.picture),
       make("span", { className: "card-name", textContent: name }),
       make("span", {
         className: "card-verdict",

@@ -1,9 +1,9 @@
 // The panel beside the view: what one file is, or why it is nothing.
 
-import type { Answer, Refused } from "../api";
+import type { Answer, Form, Refused } from "../api";
+import { backend } from "../backend";
 import { make } from "../dom";
 import type { Entry } from "../entries";
-import type { Form } from "../visit";
 import { describe, isRough, isWeak, megabytes, plain, rightOf100 } from "../words";
 import { alike } from "./alike";
 import { bars } from "./bars";
@@ -14,7 +14,7 @@ export interface Actions {
   retry(): void;
   take(answer: Answer): void;
   save(form: Form): Promise<void>;
-  /** null where the service has no library. */
+  /** null where there is no library. */
   search: (() => void) | null;
 }
 
@@ -36,10 +36,10 @@ export function panel(
   if (state.step === "failed") return [title, ...failure(state.error, actions)];
   if (state.step === "done") return [title, ...success(entry, state.answer, explains, evidence, actions)];
   const sending = state.step === "sending";
-  const bar = make("progress", { max: 1, aria: { label: sending ? "Upload" : "Classification" } });
+  const bar = make("progress", { max: 1, aria: { label: sending ? backend.verb : "Classification" } });
   if (sending) bar.value = state.share;
   const words = sending
-    ? `Sending ${megabytes(entry.file.size)} … ${Math.round(100 * state.share)} %`
+    ? `${backend.verb} ${megabytes(state.bytes)} … ${Math.round(100 * state.share)} %`
     : "Looking at it …";
   return [title, make("h2", { className: "verdict waiting", textContent: words }), bar];
 }

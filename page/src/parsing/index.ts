@@ -1,5 +1,7 @@
 // The worker as functions.
 
+import type { Pieces } from "../loading/gltf";
+import { contentsOf } from "./pieces";
 import type { Shown } from "./read";
 import type { Unpacked } from "./unzip";
 import type { Task } from "./worker";
@@ -26,16 +28,16 @@ worker.onmessage = ({ data }: MessageEvent<Reply>) => {
   else task?.reject(new Error(data.error));
 };
 
-/** What the view draws of a file; rejects what cannot be shown. */
-export const readForView = (file: Blob, name: string, coloured = false) =>
-  ask(file, name, coloured) as Promise<Shown>;
+/** What the view draws of a file, with the pieces that it refers to; rejects what cannot be shown. */
+export const readForView = async (file: Blob, name: string, pieces: File[] = [], coloured = false) =>
+  (await ask(file, name, await contentsOf(pieces), coloured)) as Shown;
 
 /** The files in a ZIP archive, by their paths; rejects one that cannot be unpacked. */
-export const unzip = (file: Blob) => ask(file, "zip", false) as Promise<Unpacked>;
+export const unzip = (file: Blob) => ask(file, "zip", new Map(), false) as Promise<Unpacked>;
 
-async function ask(file: Blob, name: string, coloured: boolean): Promise<unknown> {
+async function ask(file: Blob, name: string, pieces: Pieces, coloured: boolean): Promise<unknown> {
   const data = await file.arrayBuffer();
-  const task: Task = { id: ++last, name, data, coloured };
+  const task: Task = { id: ++last, name, data, pieces, coloured };
   return new Promise((resolve, reject) => {
     waiting.set(task.id, { resolve, reject });
     worker.postMessage(task, [data]);

@@ -1,13 +1,10 @@
 // From the bytes of a file to what the view draws.
 
-import { OBJLoader } from "three/examples/jsm/loaders/OBJLoader.js";
-import { PLYLoader } from "three/examples/jsm/loaders/PLYLoader.js";
-import { STLLoader } from "three/examples/jsm/loaders/STLLoader.js";
-import { extensionOf } from "./formats";
-import { readGltf } from "./gltf";
+import { load } from "../loading";
+import type { Pieces } from "../loading/gltf";
 import { normalsOf } from "./normals";
 import { reduced } from "./reduce";
-import { soupOf, soupOfGeometry, type Soup } from "./soup";
+import { soupOf } from "./soup";
 
 /** A mesh to show: centred, of radius 1. positions and normals: 9 numbers a face; colours: the same,
  * or none. faces: how many the file has, of which `positions` may hold fewer. */
@@ -18,22 +15,15 @@ export interface Shown {
   faces: number;
 }
 
-const text = (data: ArrayBuffer) => new TextDecoder().decode(data);
-
-// Formats for which three.js has a reader. The service draws the others: as GLB, with the evidence.
-const READERS: Record<string, ((data: ArrayBuffer) => Soup | Promise<Soup>) | undefined> = {
-  obj: (data) => soupOf(new OBJLoader().parse(text(data))),
-  stl: (data) => soupOfGeometry(new STLLoader().parse(data)),
-  ply: (data) => soupOfGeometry(new PLYLoader().parse(data)),
-  glb: readGltf,
-  gltf: readGltf,
-};
-
-/** coloured: whether the file's colours are shown. Throws for what cannot be shown. */
-export async function read(name: string, data: ArrayBuffer, coloured: boolean): Promise<Shown> {
-  const reader = READERS[extensionOf(name)];
-  if (!reader) throw new Error(`no reader for ${name}`);
-  const soup = await reader(data);
+/** pieces: files that it refers to. coloured: whether the file's colours are shown. Throws for what
+ * cannot be shown. */
+export async function read(
+  name: string,
+  data: ArrayBuffer,
+  pieces: Pieces,
+  coloured: boolean,
+): Promise<Shown> {
+  const soup = soupOf(await load(name, data, pieces));
   const faces = soup.positions.length / 9;
   if (!faces || !soup.positions.every(Number.isFinite)) throw new Error("nothing to show");
   const few = reduced(soup);

@@ -1,13 +1,15 @@
 // Reads and unpacks files beside the page, which goes on turning.
 
+import type { Pieces } from "../loading/gltf";
 import { read } from "./read";
 import { unzip } from "./unzip";
 
-/** A file to read for the view; as name, "zip" for one to unpack. */
+/** A file to read for the view, with its pieces; as name, "zip" for one to unpack. */
 export interface Task {
   id: number;
   name: string;
   data: ArrayBuffer;
+  pieces: Pieces;
   coloured: boolean;
 }
 
@@ -19,7 +21,7 @@ self.onmessage = async ({ data: task }: MessageEvent<Task>) => {
       self.postMessage({ id, result }, { transfer: Object.values(result).map(({ buffer }) => buffer) });
       return;
     }
-    const result = await read(name, data, task.coloured);
+    const result = await read(name, data, task.pieces, task.coloured);
     const arrays = [result.positions, result.normals, result.colours];
     self.postMessage({ id, result }, { transfer: arrays.flatMap((array) => array?.buffer ?? []) });
   } catch (error) {

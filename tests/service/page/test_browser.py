@@ -18,6 +18,7 @@ from meshconv3d.model.loading import load_mesh
 from tests.articulated import sample_paths
 from tests.commands import meshconv3d
 from tests.model.loading.loading_builders import archive
+from tests.model.loading.scene_builders import dae
 from tests.processes import until
 from tests.service.conftest import Service
 from tests.service.page.conftest import DESKTOP, SOFTWARE, Visitor, stl
@@ -410,7 +411,9 @@ def test_a_file_that_is_too_large_is_not_sent(visitor: Visitor, tmp_path: Path) 
     before = len(visitor.asked)
     visitor.give(path)
     expect(visitor.at(".verdict.failed")).to_have_text("This file is too large")
-    expect(visitor.at("#result .reason")).to_contain_text("It has 17 MB; the service takes 16 MB.")
+    expect(visitor.at("#result .reason")).to_contain_text(
+        "It has 17 MB; the most that is read is 16 MB."
+    )
     assert not any("classify" in url for url in visitor.asked[before:])
 
 
@@ -444,8 +447,8 @@ def test_a_file_of_200_000_faces(visitor: Visitor, large_file: Path) -> None:
 
 
 def test_files_that_the_page_cannot_draw_are_drawn_as_served(visitor: Visitor) -> None:
-    """The page reads no OFF and no 3MF: it draws the mesh of the explanation, in grey."""
-    visitor.give(SAMPLES["octopus"])
+    """The page reads no COLLADA: it draws the mesh of the explanation, in grey."""
+    visitor.give({"name": "box.dae", "mimeType": "", "buffer": dae()})
     visitor.bare()
     expect(visitor.at("#view-note")).to_be_hidden()
     assert orange(pixels(visitor.at("#view"))) < 0.001
