@@ -10,6 +10,7 @@ that of the spectra is only read where it is there already.
 import argparse
 import json
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
 
@@ -65,8 +66,11 @@ class NearestSpectrum:
 
 def accuracies(answer: Answer, samples: list[Sample]) -> Table:
     """The share of right answers without a change and with each; a refused mesh is a wrong one."""
-    files = [load_mesh(sample.path) for sample in samples]
-    shapes = [prepare(mesh, FACE_BUDGET)[0] for mesh in files]
+    files = [(load_mesh(sample.path), sample.label) for sample in samples]
+    shapes = []
+    for mesh, label in files:
+        with suppress(UnusableMesh):
+            shapes.append((prepare(mesh, FACE_BUDGET)[0], label))
     changes = [(UNCHANGED, lambda mesh, rng: mesh, files)]
     changes += [(title, change, files) for title, change in FILES.items()]
     changes += [(title, change, shapes) for title, change in SHAPES.items()]
@@ -74,11 +78,9 @@ def accuracies(answer: Answer, samples: list[Sample]) -> Table:
     for title, change, meshes in changes:
         rng = np.random.default_rng(0)
         right = 0
-        for mesh, sample in zip(meshes, samples, strict=True):
-            try:
-                right += answer(change(mesh, rng)) == sample.label
-            except MeshError:
-                continue
+        for mesh, label in meshes:
+            with suppress(MeshError):
+                right += answer(change(mesh, rng)) == label
         table[title] = right / len(samples)
     return table
 

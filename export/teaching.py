@@ -31,9 +31,9 @@ from meshconv3d.model.calibration import Calibration, calibrate, softmax
 from meshconv3d.model.mesh import Mesh
 from meshconv3d.model.preparation import prepare
 
-# Properties of a taught file that hold its examples' features and the within-class whitening matrix
-# of its base, so that it can be taught more.
-EXAMPLES, BASE_WITHIN = "meshconv3d-examples", "meshconv3d-base-within"
+# Properties of a taught file that hold its examples' features and, of its base, the within-class
+# whitening matrix above what may be of none of the classes, so that it can be taught more.
+EXAMPLES, BASE = "meshconv3d-examples", "meshconv3d-base"
 # The tensor of the graph that multiplies the features of each face, C x N_c.
 EVIDENCE_WEIGHT = "classify.weight.transposed"
 # Divides all scores: a temperature near 1 then fits them.
@@ -47,6 +47,9 @@ ENOUGH = 5
 MOST_PAIRS = 20
 # With fewer examples that can be left out, probabilities and the limit of unknown are guesses.
 LEAST_CALIBRATED = 10
+# Share of the left-out examples that is unknown: each is farther from the few others of its class
+# than a new mesh is from all of them.
+LEFT_OUT_REFUSED = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,25 +170,33 @@ class Teacher:
         )
         self._others = self._graph_others()
         if self.examples is not None:
-            self._restore_base(properties.get(BASE_WITHIN, ""))
+            self._restore_base(properties.get(BASE, ""))
         self._session = self._open_features()
 
     def _restore_base(self, text: str) -> None:
-        """Put the base's whitening matrix in the place of the taught one. Raises ModelFileError."""
-        taught = self._base_within
+        """Put the base's whitening matrix and others in the place of the taught ones.
+
+        Raises ModelFileError.
+        """
+        channels = len(self._centre)
         try:
             flat = np.frombuffer(zlib.decompress(base64.b64decode(text)), "<f4")
-            self._base_within = flat.reshape(taught.shape).astype(np.float64)
-            whitening = np.linalg.solve(self._base_within, taught)
-            self._others = np.linalg.solve(whitening.T, self._others.T).T
-        except (ValueError, zlib.error, np.linalg.LinAlgError) as error:
+            rows = flat.reshape(-1, channels).astype(np.float64)
+            if len(rows) < channels:
+                raise ValueError("it is too short")
+        except (ValueError, zlib.error) as error:
             raise ModelFileError(f"the base in the model file is damaged: {error}") from None
+        self._base_within, self._others = rows[:channels], rows[channels:]
 
     def _graph_others(self) -> NDArray[np.float64]:
-        """The meshes of no class, whitened, N_o x C; the graph has them if there are any."""
+        """What may be of none of the classes to teach, whitened, N_o x C, if the graph has room for
+        any: the base's meshes of no class, and the means of its classes."""
         if "novelty.others" not in {tensor.name for tensor in self._graph.graph.initializer}:
             return np.zeros((0, len(self._centre)))
-        return numpy_helper.to_array(self._tensor("novelty.others")).astype(np.float64)
+        found = [
+            numpy_helper.to_array(self._tensor(f"novelty.{name}")) for name in ("others", "means")
+        ]
+        return np.concatenate(found).astype(np.float64)
 
     def _tensor(self, name: str) -> onnx.TensorProto:
         """A tensor of the graph by name; it is added if there is none."""
@@ -224,12 +235,25 @@ class Teacher:
         base = offset @ self._base_within
         means = _means(base, examples)
         whitening = _whitening(base - means[examples.labels], examples)
-        within, others = self._base_within @ whitening, self._others @ whitening
+        within, others = self._base_within @ whitening, self._strangers(base, examples) @ whitening
         points = offset @ within
         means = _means(points, examples)
         far = np.sum((offset @ self._overall) ** 2, axis=1)
         head = _head(means, within, others, self._centre)
         return head, _leave_one_out(points, means, others, far, examples)
+
+    def _strangers(self, points: NDArray[np.float64], examples: Examples) -> NDArray[np.float64]:
+        """`_others` without those that are like a class to teach: nearest to most of its examples.
+
+        points: M x C, of the examples, whitened by the base.
+        """
+        if not len(self._others):
+            return self._others
+        nearest = _squares(points, self._others).argmin(axis=1)
+        votes = np.zeros((len(examples.classes), len(self._others)))
+        np.add.at(votes, (examples.labels, nearest), 1)
+        alike = (votes > examples.counts[:, None] / 2).any(axis=0)
+        return self._others if alike.all() else self._others[~alike]
 
     def teach(
         self, name: str, examples: Examples, probe: tuple[str, Mesh], by: str | None = None
@@ -263,10 +287,10 @@ class Teacher:
             probe=Probe(sample, tuple(round(float(score), 5) for score in scores)),
             about=_about(name, by, record["base"]["name"], examples, left_out),
         )
-        within = zlib.compress(self._base_within.astype("<f4").tobytes(), 9)
+        base = np.concatenate([self._base_within, self._others]).astype("<f4")
         properties = card.to_properties() | {
             EXAMPLES: examples.to_property(),
-            BASE_WITHIN: base64.b64encode(within).decode(),
+            BASE: base64.b64encode(zlib.compress(base.tobytes(), 9)).decode(),
         }
         onnx.helper.set_model_props(self._graph, properties)
         content = self._graph.SerializeToString()
@@ -281,7 +305,13 @@ class Teacher:
         if len(left_out.labels) < LEAST_CALIBRATED:
             return None
         same_shape = self.card.calibration and self.card.calibration.same_shape
-        return calibrate(left_out.scores, left_out.novelty, left_out.labels, same_shape)
+        return calibrate(
+            left_out.scores,
+            left_out.novelty,
+            left_out.labels,
+            same_shape,
+            refused=LEFT_OUT_REFUSED,
+        )
 
     def _record(self, examples: Examples, by: str | None) -> dict[str, Any]:
         """What the card says of the teaching."""

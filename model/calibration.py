@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 from pydantic import ConfigDict, Field
 from pydantic.dataclasses import dataclass
 
-# Of the validation meshes, the share that is unknown where there are no others to measure by, and
-# the probability with which a typical one is then known.
+# Of the validation meshes, the share that is unknown where there are no others to measure by
+# (unless said otherwise), and the probability with which a typical one is then known.
 KNOWN_REFUSED = 0.02
 TYPICAL_KNOWN = 0.98
 # Share of meshes of no class among those that people ask for, as far as it is assumed.
@@ -65,12 +65,14 @@ def calibrate(
     labels: NDArray[np.int64],
     same_shape: tuple[float, float] | None = None,
     others: NDArray | None = None,
+    refused: float = KNOWN_REFUSED,
 ) -> Calibration:
     """Fit to validation meshes: scores, M x N_c logits; novelty, M; labels, M.
 
-    others: out-of-distribution scores of meshes of no class, if there are any.
+    others: out-of-distribution scores of meshes of no class, if there are any. refused: share of
+    the validation meshes that is unknown where there are none.
     """
-    limit, scale = fit_known(novelty, others)
+    limit, scale = fit_known(novelty, others, refused)
     return Calibration(
         temperature=round(fit_temperature(scores, labels), 4),
         novelty_limit=round(limit, 4),
@@ -100,14 +102,16 @@ def fit_temperature(scores: NDArray, labels: NDArray[np.int64]) -> float:
     return float(np.exp((low + high) / 2))
 
 
-def fit_known(known: NDArray, others: NDArray | None = None) -> tuple[float, float]:
+def fit_known(
+    known: NDArray, others: NDArray | None = None, refused: float = KNOWN_REFUSED
+) -> tuple[float, float]:
     """`novelty_limit` and `novelty_scale` for out-of-distribution scores of meshes of the classes,
     and of others, which count OTHERS_SHARE.
 
-    Without others, KNOWN_REFUSED of the known are above the limit.
+    Without others, the share `refused` of the known is above the limit.
     """
     if others is None or not len(others):
-        middle, limit = np.quantile(known, (0.5, 1 - KNOWN_REFUSED))
+        middle, limit = np.quantile(known, (0.5, 1 - refused))
         odds = TYPICAL_KNOWN / (1 - TYPICAL_KNOWN)
         return float(limit), float(max((limit - middle) / np.log(odds), LEAST_SCALE))
     points = np.concatenate([known, others]).astype(np.float64)

@@ -20,6 +20,7 @@ from meshconv3d.model.loading import load_mesh
 from meshconv3d.model.preparation import prepare
 from meshconv3d.model.samples import sample_paths
 from meshconv3d.model.topology.inputs import collate, mesh_inputs
+from meshconv3d.service.models import ModelFile
 
 CLASSES = ("bolt", "nut", "ring", "washer")
 
@@ -183,3 +184,28 @@ def test_damaged_examples_are_refused(text: str) -> None:
 
 def test_examples_are_beside_the_card_in_the_file() -> None:
     assert not EXAMPLES.startswith("meshconv3d.")
+
+
+def test_classes_of_the_base_that_are_not_taught_are_others() -> None:
+    base = Teacher(ModelFile.read("objects").content)
+    within = base._base_within
+    points = base._others  # whitened: shapes of no class, then the means of the base's classes
+    names = base.card.config.classes
+    chair, car, table = (
+        len(points) - len(names) + names.index(n) for n in ("chair", "car", "table")
+    )
+    rng = np.random.default_rng(0)
+    near = np.repeat(points[[chair, car]], 5, axis=0) + rng.normal(0, 1, (10, points.shape[1]))
+    features = near @ np.linalg.inv(within) + base._centre
+    examples = Examples.of(
+        ["mine"] * 5 + ["yours"] * 5, [str(i) for i in range(10)], list(features.astype(np.float32))
+    )
+    head, left_out = base.fit(examples)
+    back = head.others @ np.linalg.inv(head.within) @ within
+
+    def is_other(place: int) -> bool:
+        return bool(np.isclose(back, points[place], rtol=1e-2, atol=1e-2).all(axis=1).any())
+
+    assert [is_other(place) for place in (chair, car, table)] == [False, False, True]
+    assert len(head.others) == len(points) - 2
+    assert len(left_out.labels) == 10
