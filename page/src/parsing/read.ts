@@ -1,7 +1,7 @@
 // From the bytes of a file to what the view draws.
 
 import { load } from "../loading";
-import type { Pieces } from "../loading/gltf";
+import { type Pieces, readGltf } from "../loading/gltf";
 import { normalsOf } from "./normals";
 import { reduced } from "./reduce";
 import { soupOf } from "./soup";
@@ -15,15 +15,16 @@ export interface Shown {
   faces: number;
 }
 
-/** pieces: files that it refers to. coloured: whether the file's colours are shown. Throws for what
- * cannot be shown. */
+/** pieces: files that it refers to. coloured: show the colours of a GLB, which it has. Throws for
+ * what cannot be shown. */
 export async function read(
   name: string,
   data: ArrayBuffer,
   pieces: Pieces,
   coloured: boolean,
 ): Promise<Shown> {
-  const soup = soupOf(await load(name, data, pieces));
+  const mesh = coloured ? readGltf(new Uint8Array(data), pieces, true) : await load(name, data, pieces);
+  const soup = soupOf(mesh);
   const faces = soup.positions.length / 9;
   if (!faces || !soup.positions.every(Number.isFinite)) throw new Error("nothing to show");
   const few = reduced(soup);
@@ -31,7 +32,7 @@ export async function read(
   return {
     positions,
     normals: normalsOf(positions),
-    colours: coloured && few.colours ? perCorner(few.colours) : null,
+    colours: few.colours && perCorner(few.colours),
     faces,
   };
 }

@@ -43,8 +43,7 @@ class Host:
         class Handler(SimpleHTTPRequestHandler):
             def handle_one_request(self) -> None:
                 super().handle_one_request()
-                if self.raw_requestline:
-                    host.asked.append((self.command, self.path))
+                host.asked.append((self.command, self.path))
 
             def log_message(self, *_: object) -> None: ...
 
@@ -90,7 +89,7 @@ def host(built: Path) -> Iterator[Host]:
 
 @pytest.fixture(scope="module")
 def context(browser: Browser) -> Iterator[BrowserContext]:
-    context = browser.new_context(reduced_motion="reduce", **DESKTOP)
+    context = browser.new_context(reduced_motion="reduce", **DESKTOP)  # type: ignore[arg-type]
     context.set_default_timeout(90_000)
     context.add_init_script(VIOLATIONS)
     yield context
