@@ -5,10 +5,13 @@ preparation. Of each it compares the network's indices in the whole pipeline (`m
 --whole`) with the kernels', and the scores with the model file's, on the mesh with its vertices
 rounded to float32, as the pipeline takes them. It also tells how often that rounding changes the
 best class, and what the pipeline costs, in time of one core. With --javascript, it also tells how
-often the preparation in examples/javascript leads to the package's best class.
+often the preparation in examples/javascript leads to the package's best class; with --page, how
+often that of the page, which reads the files itself, gives the package's mesh and its best class.
 """
 
 import argparse
+import base64
+import json
 import subprocess
 import tempfile
 import time
@@ -36,7 +39,9 @@ MOST_TIMES = 4.0
 MOST_BYTES = 200_000
 # Meshes, of all, on which time is taken.
 TIMED = 50
-ANY_MESH = Path(__file__).parents[1] / "examples" / "javascript" / "any-mesh.js"
+ROOT = Path(__file__).parents[1]
+ANY_MESH = ROOT / "examples" / "javascript" / "any-mesh.js"
+PAGE = ROOT / "page" / "prepare.js"
 
 
 def main() -> None:
@@ -46,10 +51,12 @@ def main() -> None:
     parser.add_argument("--split", type=Path)
     parser.add_argument("--count", type=int, default=500)
     parser.add_argument("--javascript", action="store_true")
+    parser.add_argument("--page", action="store_true")
     arguments = parser.parse_args()
     pipelines = Pipelines(ModelFile.read(arguments.model))
     samples = [s for s in find_samples(arguments.data, arguments.split) if s.split != "train"]
     raw: list[Mesh] = []
+    paths: list[Path] = []
     for i in np.random.default_rng(0).permutation(len(samples)):
         if len(raw) == arguments.count:
             break
@@ -59,12 +66,20 @@ def main() -> None:
         except MeshError:
             continue
         raw.append(mesh)
+        paths.append(samples[i].path)
         pipelines.compare(prepared, samples[i].path)
     pipelines.tell()
     if arguments.javascript:
         answers = javascript_answers(pipelines.content, raw)
         same = sum(map(str.__eq__, answers, pipelines.answers))
         print(f"{same:8} with the same best class, prepared by JavaScript")
+    if arguments.page:
+        found = page_meshes(paths, pipelines.config.face_budget)
+        identical = sum(map(is_same, found, pipelines.prepared))
+        print(f"{identical:8} that the page prepares alike, number for number")
+        answers = [mesh and pipelines.best(mesh) for mesh in found]
+        same = sum(map(str.__eq__, pipelines.answers, map(str, answers)))
+        print(f"{same:8} with the same best class, prepared by the page")
 
 
 class Pipelines:
@@ -85,6 +100,7 @@ class Pipelines:
         self.content = whole.SerializeToString()
         self.added = len(self.content) - len(model.content)
         self.whole = open_session(self.content)
+        self.prepared: list[Mesh] = []
         self.answers: list[str] = []
         self.same: list[bool] = []
         self.same_rounded: list[bool] = []
@@ -102,6 +118,7 @@ class Pipelines:
         if others:
             print(f"{path}: other {', '.join(others)}")
         scores, exact = self.scores(given), self.scores(mesh)
+        self.prepared.append(mesh)
         self.answers.append(self.config.classes[exact.argmax()])
         self.same.append(not others)
         self.same_rounded.append(bool(scores.argmax() == exact.argmax()))
@@ -117,6 +134,10 @@ class Pipelines:
     def scores(self, mesh: Mesh) -> NDArray[np.float32]:
         """N_c scores by kernels and model file."""
         return np.asarray(self.model.run(["scores"], kernel_inputs(mesh, self.config))[0])[0]
+
+    def best(self, mesh: Mesh) -> str:
+        """The best class of a prepared mesh."""
+        return self.config.classes[self.scores(mesh).argmax()]
 
     def tell(self) -> None:
         whole, apart = np.array(self.times).T
@@ -144,6 +165,30 @@ def javascript_answers(content: bytes, meshes: Sequence[Mesh]) -> list[str]:
             ["node", ANY_MESH, whole, *paths], capture_output=True, text=True, check=True
         )
     return [line.rpartition(" ")[0] for line in done.stdout.splitlines()]
+
+
+def page_meshes(paths: Sequence[Path], budget: int) -> list[Mesh | None]:
+    """What the page makes of files; None where it refuses one."""
+    command = ["node", PAGE, str(budget), *paths]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    found = [json.loads(line).get("prepared") for line in done.stdout.splitlines()]
+
+    def array(text: str, dtype: type) -> NDArray:
+        return np.frombuffer(base64.b64decode(text), dtype).reshape(-1, 3)
+
+    return [
+        one and Mesh(array(one["vertices"], np.float64), array(one["faces"], np.int32))
+        for one in found
+    ]
+
+
+def is_same(found: Mesh | None, mesh: Mesh) -> bool:
+    """Whether vertices and faces are the same, bit for bit."""
+    return (
+        found is not None
+        and np.array_equal(found.vertices, mesh.vertices)
+        and np.array_equal(found.faces, mesh.faces)
+    )
 
 
 def kernel_inputs(mesh: Mesh, config: NetworkConfig) -> dict[str, NDArray]:

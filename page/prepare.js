@@ -21,7 +21,12 @@ async function answer(file) {
   try {
     const mesh = await load(basename(file), buffer.slice(byteOffset, byteOffset + byteLength));
     try {
-      const { report, centre, radius, ...prepared } = prepare(mesh.vertices, mesh.faces, Number(budget), mesh.note);
+      const { report, centre, radius, ...prepared } = prepare(
+        mesh.vertices,
+        mesh.faces,
+        Number(budget),
+        mesh.note,
+      );
       return { loaded: packed(mesh), prepared: packed(prepared), report, centre, radius };
     } catch (error) {
       return { loaded: packed(mesh), fault: error.fault, error: error.message };
