@@ -47,8 +47,7 @@ export function check({ vertices, faces }: Mesh): void {
     const [least, most] = [Math.min(...low), Math.max(...high)].map(brief);
     throw new MeshError(
       "extent-overflow",
-      `the mesh spans ${least} to ${most}, ` +
-        "more than a floating-point number can measure; scale it down",
+      `the mesh spans ${least} to ${most}, ` + "more than a floating-point number can measure; scale it down",
     );
   }
   if (extent.every((side) => side === 0)) {

@@ -8,13 +8,14 @@ import { quoted } from "./text";
 // How many times the archive's own size its files may unpack to, as `model.loading.limits` has it.
 const MOST_PER_BYTE = 50;
 
-export const isZip = (data: Uint8Array) =>
-  ["80,75,3,4", "80,75,5,6"].includes(data.subarray(0, 4).join());
+export const isZip = (data: Uint8Array) => ["80,75,3,4", "80,75,5,6"].includes(data.subarray(0, 4).join());
 
 /** The path of a part to which a reference in the part `source` leads: parts are named without case,
  * some with escapes, and never lead out of the package. */
 export const partName = (reference: string, source = "") =>
-  decodeURIComponent(new URL(reference, `http://package/${source}`).pathname).slice(1).toLowerCase();
+  decodeURIComponent(new URL(reference, `http://package/${source}`).pathname)
+    .slice(1)
+    .toLowerCase();
 
 /** The files of an archive by `partName`, those whose names end so. Throws MeshError for an archive that
  * is damaged, unpacks to too much, or names two files alike. */

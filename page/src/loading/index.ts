@@ -1,11 +1,11 @@
 // From the bytes of a file to its triangles, as `model.loading` reads them: the triangles of a whole
 // file, and nothing else that it holds. Nothing outside the given bytes is ever opened.
 
-import { MeshError } from "../mesh";
+import { MeshError, type Mesh } from "../mesh";
 import { extensionOf } from "../parsing/formats";
 import { readAmf } from "./amf";
 import { isZip } from "./archive";
-import { readGltf, type ColouredMesh, type Pieces } from "./gltf";
+import { readGltf, type Pieces } from "./gltf";
 import { readObj } from "./obj";
 import { readOff } from "./off";
 import { readPly } from "./ply";
@@ -15,7 +15,7 @@ import { read3mf } from "./threemf";
 
 interface Format {
   title: string;
-  read: (data: Uint8Array, pieces?: Pieces) => ColouredMesh | Promise<ColouredMesh>;
+  read: (data: Uint8Array, pieces?: Pieces) => Mesh;
 }
 
 /** Formats by their extensions. */
@@ -37,7 +37,7 @@ export const EXTENSIONS = Object.keys(FORMATS);
 
 /** All triangles of a mesh file, nothing welded or cleaned. name: declares its format. pieces: the files
  * in which a .gltf keeps its buffers. Throws MeshError, whatever the bytes are. */
-export async function load(name: string, data: ArrayBuffer, pieces?: Pieces): Promise<ColouredMesh> {
+export async function load(name: string, data: ArrayBuffer, pieces?: Pieces): Promise<Mesh> {
   const extension = extensionOf(name);
   const format = FORMATS[extension];
   if (!format) {
@@ -51,7 +51,9 @@ export async function load(name: string, data: ArrayBuffer, pieces?: Pieces): Pr
   if (!bytes.length) throw new MeshError("empty-file", "the file is empty (0 bytes); export it again");
   const content = sniff(bytes, extension);
   if (content !== extension && (content || MARKED.includes(extension))) {
-    const found = content ? `is ${FORMATS[content]?.title ?? "a ZIP archive"} (${content})` : "is something else";
+    const found = content
+      ? `is ${FORMATS[content]?.title ?? "a ZIP archive"} (${content})`
+      : "is something else";
     throw new MeshError(
       "format-mismatch",
       `the file is declared as ${extension} ('${name}'), but its content ${found}; ` +
@@ -59,7 +61,7 @@ export async function load(name: string, data: ArrayBuffer, pieces?: Pieces): Pr
     );
   }
   try {
-    return await format.read(bytes, pieces);
+    return format.read(bytes, pieces);
   } catch (error) {
     if (error instanceof MeshError) throw error;
     // Damaged bytes can make the libraries underneath raise nearly anything.
@@ -89,7 +91,10 @@ function sniff(data: Uint8Array, declared: string): string | null {
   if (/^solid/i.test(start)) return "stl";
   if (start.startsWith("<") && /<amf[\s>]/.test(start)) return "amf";
   if (/^(?:\s*#.*[\r\n])*\s*(?:ST)?C?N?4?n?OFF(?:\b|(?=\d))/.test(text)) return "off";
-  if (!text.slice(0, 4096).replace(/\0+$/, "").includes("\0") && /(?:^|[\r\n])[ \t]*v[ \t]+[-+.\d]/.test(text)) {
+  if (
+    !text.slice(0, 4096).replace(/\0+$/, "").includes("\0") &&
+    /(?:^|[\r\n])[ \t]*v[ \t]+[-+.\d]/.test(text)
+  ) {
     return "obj";
   }
   return null;

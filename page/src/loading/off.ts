@@ -15,7 +15,9 @@ const WANTED = { vertex: ["x", "y", "z"], face: ["corners"] };
 export function readOff(data: Uint8Array): Mesh {
   const head = new TextDecoder("latin1").decode(data.subarray(0, 4096));
   const binary = BINARY.exec(head);
-  const { tables, note } = binary ? readBinary(data, binary[0].length, extraOf(binary[1])) : readPlain(textOf(data));
+  const { tables, note } = binary
+    ? readBinary(data, binary[0].length, extraOf(binary[1]))
+    : readPlain(textOf(data));
   return { ...triangulate(tables.vertex.numbers, tables.face.items, tables.face.counts), note };
 }
 
@@ -36,7 +38,10 @@ function readBinary(data: Uint8Array, place: number, extra: number): Found {
   const view = new DataView(data.buffer, data.byteOffset, data.byteLength);
   const isWhole = place + 12 <= data.length && view.getInt32(place) >= 0 && view.getInt32(place + 4) >= 0;
   if (!isWhole) {
-    throw new MeshError("bad-header", "a binary OFF file begins with the counts of vertices, faces and edges");
+    throw new MeshError(
+      "bad-header",
+      "a binary OFF file begins with the counts of vertices, faces and edges",
+    );
   }
   const colour: Field = { name: "colour", item: "f4", count: "i4" };
   const elements = [

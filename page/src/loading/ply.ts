@@ -86,7 +86,10 @@ function splitHeader(data: Uint8Array): { lines: string[][]; place: number } {
   // Where lines end in CR, an LF behind the last is the first byte of the data.
   const place = end.index + end[0].length - Number(first[1] === "\r" && end[1] === "\r\n");
   const lines = head.slice(0, end.index).split(/[\r\n]/);
-  return { lines: lines.map((line) => line.split(/\s+/).filter(Boolean)).filter((words) => words.length), place };
+  return {
+    lines: lines.map((line) => line.split(/\s+/).filter(Boolean)).filter((words) => words.length),
+    place,
+  };
 }
 
 /** The elements that the header declares, in the order of the body. */
@@ -99,7 +102,14 @@ function elementsOf(lines: string[][]): Element[] {
     const [one, two, three, four] = rest;
     if (word === "element" && rest.length === 2 && /^\d{1,18}$/.test(two)) {
       found.push({ name: one, length: Number(two), fields: [] });
-    } else if (last && rest.length === 4 && one === "list" && KINDS[two]?.[0] !== "f" && KINDS[two] && KINDS[three]) {
+    } else if (
+      last &&
+      rest.length === 4 &&
+      one === "list" &&
+      KINDS[two]?.[0] !== "f" &&
+      KINDS[two] &&
+      KINDS[three]
+    ) {
       last.fields.push({ name: four, item: KINDS[three], count: KINDS[two] });
     } else if (last && rest.length === 2 && KINDS[one]) {
       last.fields.push({ name: two, item: KINDS[one] });

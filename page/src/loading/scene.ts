@@ -13,10 +13,14 @@ export interface Placed {
 /** All parts where their matrices place them. */
 export function flatten(placed: Placed[]): Mesh {
   limit("geometries", placed.length);
-  const sizeOf = (array: "vertices" | "faces") => placed.reduce((sum, { part }) => sum + part[array].length / 3, 0);
+  const sizeOf = (array: "vertices" | "faces") =>
+    placed.reduce((sum, { part }) => sum + part[array].length / 3, 0);
   limit("vertices", sizeOf("vertices"));
   limit("faces", sizeOf("faces"));
-  const own = [...new Set(placed.map(({ part }) => part))].reduce((sum, { faces }) => sum + faces.length / 3, 0);
+  const own = [...new Set(placed.map(({ part }) => part))].reduce(
+    (sum, { faces }) => sum + faces.length / 3,
+    0,
+  );
   limit("repeated faces", sizeOf("faces") - own);
   const vertices = new Float64Array(3 * sizeOf("vertices"));
   const faces = new Int32Array(3 * sizeOf("faces"));
@@ -25,7 +29,10 @@ export function flatten(placed: Placed[]): Mesh {
   for (const { part, matrix } of placed) {
     const count = part.vertices.length / 3;
     for (let v = 0; v < count; v++) {
-      point.fromArray(part.vertices, 3 * v).applyMatrix4(matrix).toArray(vertices, 3 * (offset + v));
+      point
+        .fromArray(part.vertices, 3 * v)
+        .applyMatrix4(matrix)
+        .toArray(vertices, 3 * (offset + v));
     }
     // A mirror turns triangles inside out.
     const isMirrored = matrix.determinant() < 0;

@@ -31,7 +31,11 @@ export function triangulate(vertices: Float64Array, corners: number[], counts: n
     } else if (outline) {
       const cut = cutEars(outline, LIMITS["ear steps"] - steps);
       steps += cut.steps;
-      limit("ear steps", steps, `its concave polygons have too many corners: to cut them takes ${steps} steps`);
+      limit(
+        "ear steps",
+        steps,
+        `its concave polygons have too many corners: to cut them takes ${steps} steps`,
+      );
       for (const corner of cut.triangles) faces[place++] = polygon[corner];
     } else {
       for (let step = 0; step < count - 2; step++) {

@@ -80,7 +80,10 @@ class Started implements Tag {
 }
 
 /** The number that a word is. */
-export function numberOf(word: string, isRight: (value: number) => boolean = (value) => !Number.isNaN(value)): number {
+export function numberOf(
+  word: string,
+  isRight: (value: number) => boolean = (value) => !Number.isNaN(value),
+): number {
   const value = Number(word);
   if (word.trim() && isRight(value)) return value;
   throw new MeshError("bad-number", `${quoted(word)} stands where a number is expected`);

@@ -151,7 +151,10 @@ function weld({ vertices, faces }: Mesh) {
 }
 
 /** Coordinates in steps as two digits each, by which they are sorted faster. */
-const digits = (steps: Int32Array) => [steps.map((step) => Math.floor(step / DIGIT)), steps.map((step) => step % DIGIT)];
+const digits = (steps: Int32Array) => [
+  steps.map((step) => Math.floor(step / DIGIT)),
+  steps.map((step) => step % DIGIT),
+];
 
 /** The nearest whole number, of two the even one. */
 function rint(value: number): number {

@@ -54,7 +54,11 @@ export function sortEdges(faces: Int32Array, vertexCount: number): Edges {
 /** Where the half-edges over the edge at `start` end. */
 export function endOfEdge({ order, low, high }: Edges, start: number): number {
   let end = start + 1;
-  while (end < order.length && low[order[end]] === low[order[start]] && high[order[end]] === high[order[start]]) {
+  while (
+    end < order.length &&
+    low[order[end]] === low[order[start]] &&
+    high[order[end]] === high[order[start]]
+  ) {
     end++;
   }
   return end;
@@ -68,7 +72,8 @@ export function pair(twin: Int32Array, one: number, other: number): void {
 
 /** 0, 1, ... in the order of keys below `keyCount`, the first of which decides before the others. */
 export function sortedBy(keys: Int32Array[], keyCount: number): Int32Array {
-  let order = Int32Array.from(keys[0].keys());
+  let order = new Int32Array(keys[0].length);
+  for (let i = 0; i < order.length; i++) order[i] = i;
   for (const key of keys.toReversed()) order = countingSort(order, key, keyCount);
   return order;
 }

@@ -31,9 +31,9 @@ export interface Prepared extends Mesh {
   radius: number;
 }
 
-/** Clean, bring to `budget` faces, centre, scale into the unit sphere, round to float32. vertices: 3 V numbers;
- * faces: 3 F; note: that of reading them. Throws MeshError for what is no mesh, where no surface with area is left, and where
- * simplification destroyed it. */
+/** Clean, bring to `budget` faces, centre, scale into the unit sphere, round to float32. vertices: 3 V
+ * numbers; faces: 3 F; note: that of reading them. Throws MeshError for what is no mesh, where no
+ * surface with area is left, and where simplification destroyed it. */
 export function prepare(vertices: Float64Array, faces: Int32Array, budget: number, note = ""): Prepared {
   const mesh = { vertices, faces };
   check(mesh);
@@ -103,7 +103,10 @@ function resample(surface: CleanSurface, budget: number): Resampled {
     mesh = simplified;
     const parts = surface.counts.components;
     if (origin.length > budget && parts > 1) {
-      const sizes = partSizes(origin.map((f) => surface.component[f]), parts);
+      const sizes = partSizes(
+        origin.map((f) => surface.component[f]),
+        parts,
+      );
       // Once more without the others: faces that these took are there for the rest.
       return resample(keepParts(surface, fittingParts(partAreas(surface), sizes, budget)), budget);
     }

@@ -41,7 +41,9 @@ export function fittingParts(areas: Float64Array, sizes: Int32Array, budget: num
     if (budget < least) break;
   }
   const largest = areas.indexOf(areas.reduce((a, b) => Math.max(a, b)));
-  return areas[largest] > sum(areas.filter((_, i) => kept[i])) ? kept.map((_, i) => Number(i === largest)) : kept;
+  return areas[largest] > sum(areas.filter((_, i) => kept[i]))
+    ? kept.map((_, i) => Number(i === largest))
+    : kept;
 }
 
 /** Area of all scraps. */
@@ -58,7 +60,7 @@ export function partAreas({ vertices, faces, component, counts }: CleanSurface):
 }
 
 /** How many of `count` parts' faces there are, of the part of each face. */
-export function partSizes(component: Int32Array, count: number): Int32Array {
+export function partSizes(component: Iterable<number>, count: number): Int32Array {
   const sizes = new Int32Array(count);
   for (const part of component) sizes[part]++;
   return sizes;

@@ -17,7 +17,10 @@ export function findWalls(vertices: Float64Array, faces: Int32Array, edges: Edge
     let around = [...edges.order.subarray(start, end)];
     if (around.length > 2) {
       const angles = anglesOf(vertices, faces, around);
-      around = around.map((_, i) => i).sort((i, j) => angles[i] - angles[j]).map((i) => around[i]);
+      around = around
+        .map((_, i) => i)
+        .sort((i, j) => angles[i] - angles[j])
+        .map((i) => around[i]);
     }
     around.forEach((h, i) => joinSides(side, faces, h, around[(i + 1) % around.length]));
   }

@@ -31,7 +31,7 @@ const LEAST_PROGRESS = 1 / 4;
 
 /** Simplify an oriented manifold of more than `budget` faces. More are left where no collapse is
  * allowed any more. origin: which of the faces given each one was. */
-export function simplify(given: Mesh, twin: Int32Array, budget: number): Mesh & { origin: Int32Array } {
+export function simplify(given: Mesh, twin: Int32Array, budget: number): Mesh & { origin: number[] } {
   const mesh = halfEdges(given, twin);
   const quadrics = vertexQuadrics(given, twin);
   let living = given.faces.length / 3;
@@ -39,9 +39,10 @@ export function simplify(given: Mesh, twin: Int32Array, budget: number): Mesh & 
     living = collapseEdges(mesh, quadrics, living, MANY_BUDGETS * budget, COARSE);
   }
   collapseEdges(mesh, quadrics, living, budget, FINE);
-  const left = mesh.start.filter((v) => v >= 0);
-  const origin = Int32Array.from(mesh.start.keys()).filter((h) => h % 3 === 0 && mesh.start[h] >= 0).map(faceOf);
-  return { ...dropUnused(mesh.vertices, left), origin };
+  const origin: number[] = [];
+  for (let h = 0; h < mesh.start.length; h += 3) if (mesh.start[h] >= 0) origin.push(faceOf(h));
+  const left = origin.flatMap((f) => [...mesh.start.subarray(3 * f, 3 * f + 3)]);
+  return { ...dropUnused(mesh.vertices, Int32Array.from(left)), origin };
 }
 
 const END = -1;

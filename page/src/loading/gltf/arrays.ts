@@ -26,7 +26,10 @@ const COMPONENTS: Record<number, Component | undefined> = {
 };
 const WIDTHS = { SCALAR: 1, VEC3: 3, VEC4: 4, MAT4: 16 };
 
-export const [INTEGERS, POSITIONS] = [[5121, 5123, 5125], [5120, 5121, 5122, 5123, 5126]];
+export const [INTEGERS, POSITIONS] = [
+  [5121, 5123, 5125],
+  [5120, 5121, 5122, 5123, 5126],
+];
 export const FLOATS = [5126];
 
 const badAccessor = (message: string) => new MeshError("bad-accessor", message);
@@ -57,7 +60,8 @@ export class Buffers {
     // Each is counted as often as it is read.
     this.rows += count;
     limit("vertices", Math.ceil(this.rows / 4), `the file has arrays of ${this.rows} rows`);
-    if (extension(entry, "WEB3D_quantized_attributes")) throw unsupported("quantized attributes are not read");
+    if (extension(entry, "WEB3D_quantized_attributes"))
+      throw unsupported("quantized attributes are not read");
     if (entry.bufferView === undefined && entry.sparse === undefined) {
       throw unsupported("positions or indices have no data of their own, by an extension, and are not read");
     }
@@ -72,7 +76,13 @@ export class Buffers {
   }
 
   /** Numbers in the view that an accessor, or a part of a sparse one, names. */
-  private table(entry: Entry, component: Component, width: number, count: number, strided = false): Float64Array {
+  private table(
+    entry: Entry,
+    component: Component,
+    width: number,
+    count: number,
+    strided = false,
+  ): Float64Array {
     const { content, byteStride } = this.view(entry.bufferView);
     const start = natural(entry.byteOffset ?? 0, "byteOffset");
     const size = width * component.size;
@@ -83,7 +93,8 @@ export class Buffers {
     const view = new DataView(content.buffer, content.byteOffset, content.length);
     const values = new Float64Array(count * width);
     for (let row = 0, i = 0; row < count; row++) {
-      for (let k = 0; k < width; k++) values[i++] = component.get(view, start + row * stride + k * component.size);
+      for (let k = 0; k < width; k++)
+        values[i++] = component.get(view, start + row * stride + k * component.size);
     }
     return values;
   }

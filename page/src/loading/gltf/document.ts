@@ -70,8 +70,11 @@ export function parse(bytes: Uint8Array): Entry {
   const document = entry(parsed, "a glTF document");
   const version = String(child(document, "asset").version ?? "2.0");
   const isFirst = document.meshes !== undefined && !Array.isArray(document.meshes);
-  if (isFirst || version.split(".")[0] !== "2") throw unsupported(`glTF version ${quoted(version)} is not read`);
-  const unread = list(document, "extensionsRequired").map(String).filter((name) => !READ.test(name));
+  if (isFirst || version.split(".")[0] !== "2")
+    throw unsupported(`glTF version ${quoted(version)} is not read`);
+  const unread = list(document, "extensionsRequired")
+    .map(String)
+    .filter((name) => !READ.test(name));
   if (unread.length) throw unsupported(`the file requires ${quoted(unread.join(", "))}, which is not read`);
   return document;
 }

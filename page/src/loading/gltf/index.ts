@@ -7,7 +7,20 @@ import { MeshError, type Mesh } from "../../mesh";
 import { limit } from "../limits";
 import { flatten, type Placed } from "../scene";
 import { Buffers, FLOATS, INTEGERS, POSITIONS, type Pieces } from "./arrays";
-import { child, extension, index, item, items, list, natural, parse, reals, split, unsupported, type Entry } from "./document";
+import {
+  child,
+  extension,
+  index,
+  item,
+  items,
+  list,
+  natural,
+  parse,
+  reals,
+  split,
+  unsupported,
+  type Entry,
+} from "./document";
 
 export type { Pieces };
 
@@ -125,7 +138,10 @@ class Surfaces {
     const found = this.known.get(known);
     if (found) return found;
     const joints = node.skin === undefined ? null : this.joints(item(this.document, "skins", node.skin));
-    const surfaces = new Map<string, { vertices: Float64Array; corners: number[][]; colours?: Float32Array }>();
+    const surfaces = new Map<
+      string,
+      { vertices: Float64Array; corners: number[][]; colours?: Float32Array }
+    >();
     const primitives = items(mesh, "primitives");
     const count = primitives.length + weights.filter(Boolean).length;
     limit("geometries", count);
@@ -150,7 +166,11 @@ class Surfaces {
     const isMirrored = joints?.length && joints.every((matrix) => matrix.determinant() < 0);
     const parts = [...surfaces.values()].map(({ vertices, corners, colours }): ColouredMesh => {
       const all = corners.flat();
-      return { vertices, faces: Int32Array.from(all, (_, h) => all[isMirrored ? h + 2 - 2 * (h % 3) : h]), colours };
+      return {
+        vertices,
+        faces: Int32Array.from(all, (_, h) => all[isMirrored ? h + 2 - 2 * (h % 3) : h]),
+        colours,
+      };
     });
     this.known.set(known, { parts, count });
     return { parts, count };
@@ -234,7 +254,9 @@ class Surfaces {
       // In a strip every other triangle is wound the other way.
       const odd = step % 2;
       return mode === FAN ? [0, step + 1, step + 2] : [step + odd, step + 1 - odd, step + 2];
-    }).flat().map(corner);
+    })
+      .flat()
+      .map(corner);
   }
 
   private colours(number: unknown): Float32Array {
@@ -251,7 +273,11 @@ class Surfaces {
     const positions = read("TRANSLATION", "VEC3", FLOATS);
     const rotations = read("ROTATION", "VEC4", [5120, 5122, 5126]);
     const scales = read("SCALE", "VEC3", FLOATS);
-    const counts = [positions && positions.length / 3, rotations && rotations.length / 4, scales && scales.length / 3];
+    const counts = [
+      positions && positions.length / 3,
+      rotations && rotations.length / 4,
+      scales && scales.length / 3,
+    ];
     const [count = 1, ...others] = counts.filter((one) => one !== null);
     if (others.some((other) => other !== count)) {
       throw new MeshError("bad-accessor", "the transforms of instances differ in number");
@@ -286,7 +312,11 @@ function localMatrix(node: Entry): Matrix4 {
   return composed(of("translation", 3), of("rotation", 4), of("scale", 3));
 }
 
-function composed(position?: ArrayLike<number>, rotation?: ArrayLike<number>, scale?: ArrayLike<number>): Matrix4 {
+function composed(
+  position?: ArrayLike<number>,
+  rotation?: ArrayLike<number>,
+  scale?: ArrayLike<number>,
+): Matrix4 {
   const [x, y, z, w] = rotation ? Array.from(rotation) : [0, 0, 0, 1];
   const length = Math.sqrt(x * x + y * y + z * z + w * w);
   if (!(length > 1e-6 && length < 1e6)) throw new MeshError("bad-number", "a rotation is no unit quaternion");
