@@ -15,9 +15,11 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser, expect
 
+from meshconv3d.export.runtime import onnxruntime
 from meshconv3d.model.loading import load_mesh
 from meshconv3d.model.mesh import Mesh
 from meshconv3d.model.samples import sample_paths
+from meshconv3d.model.topology.inputs import whole_inputs
 from meshconv3d.service.models import Model
 from tests.examples.conftest import scores_of
 from tests.meshes import soup, write_off
@@ -93,6 +95,73 @@ def test_a_mesh_that_is_not_prepared(node: str, whole_model: Path, tmp_path: Pat
     write_off(tmp_path / "chair.off", Mesh(torn.vertices * 40 + 7, faces))
     (line,) = run(node, JAVASCRIPT / "any-mesh.js", whole_model, tmp_path / "chair.off")
     assert line.startswith("chair ")
+
+
+def readme_block(language: str) -> str:
+    """The example of a whole pipeline in the README."""
+    (block,) = (
+        block.partition("\n```")[0]
+        for block in (EXAMPLES.parent / "README.md").read_text().split(f"```{language}\n")
+        if block.partition("\n```")[0].count("whole.onnx")
+    )
+    assert len(block.splitlines()) <= 5
+    return block
+
+
+def test_the_lines_of_python_in_the_readme(
+    whole_model: Path, model: Model, prepared_samples: dict[str, Path]
+) -> None:
+    mesh = prepared_samples["wolf"]
+    given = whole_inputs(load_mesh(mesh)) | {"onnxruntime": onnxruntime}
+    exec(readme_block("py").replace("whole.onnx", str(whole_model)), given)
+    best = given["scores"][0].max()
+    assert best == pytest.approx(max(scores_of(model, mesh).values()), abs=1e-3)
+
+
+def test_the_lines_of_javascript_in_the_readme(
+    node: str, whole_model: Path, model: Model, prepared_samples: dict[str, Path], tmp_path: Path
+) -> None:
+    mesh = prepared_samples["wolf"]
+    runtime = JAVASCRIPT / "node_modules/onnxruntime-node/dist/index.js"
+    block = readme_block("js").replace("whole.onnx", str(whole_model))
+    block = block.replace('"onnxruntime-web"', f'"{runtime.as_uri()}"')
+    arrays = whole_inputs(load_mesh(mesh))
+    (tmp_path / "lines.mjs").write_text(
+        f"const vertices = new Float32Array({arrays['vertices'].ravel().tolist()});\n"
+        f"const faces = BigInt64Array.from({arrays['faces'].ravel().tolist()}, BigInt);\n"
+        f"{block}\nconsole.log(Math.max(...scores.data));"
+    )
+    (line,) = run(node, tmp_path / "lines.mjs")
+    assert float(line) == pytest.approx(max(scores_of(model, mesh).values()), abs=1e-3)
+
+
+@pytest.fixture(scope="module")
+def compiled(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The C++ example, with the library that comes with onnxruntime for Python."""
+    places = [os.environ.get("ONNXRUNTIME_INCLUDE", ""), "/usr/include/onnxruntime"]
+    headers = [place for place in places if (Path(place) / "onnxruntime_cxx_api.h").is_file()]
+    if not headers:
+        pytest.skip("no onnxruntime_cxx_api.h in /usr/include/onnxruntime or ONNXRUNTIME_INCLUDE")
+    if not (shutil.which("cmake") and shutil.which("c++")):
+        pytest.skip("no CMake or C++ compiler: apt-get install cmake g++")
+    root = tmp_path_factory.mktemp("onnxruntime")
+    (root / "lib").mkdir()
+    (library,) = Path(onnxruntime.__file__).parent.glob("capi/libonnxruntime.so.*")
+    for name in ("libonnxruntime.so", "libonnxruntime.so.1"):
+        (root / "lib" / name).symlink_to(library)
+    (root / "include").symlink_to(headers[0])
+    build = root / "build"
+    run("cmake", "-S", EXAMPLES / "cpp", "-B", build, f"-DCMAKE_PREFIX_PATH={root}")
+    run("cmake", "--build", build)
+    return build / "any_runtime"
+
+
+@pytest.mark.parametrize("name", ["chair", "wolf"])
+def test_cpp(
+    compiled: Path, whole_model: Path, model: Model, prepared_samples: dict[str, Path], name: str
+) -> None:
+    mesh = prepared_samples[name]
+    assert_best(run(compiled, whole_model, mesh), model, mesh)
 
 
 @pytest.fixture(scope="module")
