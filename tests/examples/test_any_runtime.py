@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from typing import Any
 from urllib.parse import urlencode
 
 import numpy as np
@@ -112,7 +113,7 @@ def test_the_lines_of_python_in_the_readme(
     whole_model: Path, model: Model, prepared_samples: dict[str, Path]
 ) -> None:
     mesh = prepared_samples["wolf"]
-    given = whole_inputs(load_mesh(mesh)) | {"onnxruntime": onnxruntime}
+    given: dict[str, Any] = {"onnxruntime": onnxruntime, **whole_inputs(load_mesh(mesh))}
     exec(readme_block("py").replace("whole.onnx", str(whole_model)), given)
     best = given["scores"][0].max()
     assert best == pytest.approx(max(scores_of(model, mesh).values()), abs=1e-3)
