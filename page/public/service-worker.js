@@ -15,13 +15,22 @@ addEventListener("activate", (event) => event.waitUntil(forgetOthers().then(() =
 addEventListener("fetch", (event) => {
   const { request } = event;
   if (request.method !== "GET" || !request.url.startsWith(registration.scope)) return;
-  event.respondWith(request.mode === "navigate" ? page(request) : kept(request));
+  if (request.mode !== "navigate") event.respondWith(kept(request));
+  else if (isPage(request.url)) event.respondWith(page(request.url));
 });
+
+const isPage = (url) => [PAGE, "index.html"].map(addressOf).includes(url.split(/[?#]/)[0]);
+
+/** Whether a file belongs to this build, and not to another page below it. */
+function isOurs(url) {
+  const version = new URL(url).searchParams.get("v");
+  return build.versions.includes(version) || build.shell.map(addressOf).includes(url);
+}
 
 async function keepShell() {
   const cache = await caches.open(CACHE);
-  for (const path of build.shell) {
-    if (!(await cache.match(addressOf(path)))) await cache.add(addressOf(path));
+  for (const url of build.shell.map(addressOf)) {
+    if (!(await cache.match(url))) await cache.put(url, await whole(url));
   }
   // Last: what it names is there.
   await cache.put(addressOf(PAGE), await whole(addressOf(PAGE), { cache: "no-cache" }));
@@ -30,20 +39,17 @@ async function keepShell() {
 /** Delete what is of an earlier build. */
 async function forgetOthers() {
   const cache = await caches.open(CACHE);
-  const known = new Set([PAGE, ...build.shell].map(addressOf));
   for (const { url } of await cache.keys()) {
-    const version = new URL(url).searchParams.get("v");
-    if (!known.has(url) && !build.versions.includes(version)) await cache.delete(url);
+    if (url !== addressOf(PAGE) && !isOurs(url)) await cache.delete(url);
   }
 }
 
 /** The newest page, or, without a network, that of before. */
-async function page(request) {
-  const cache = await caches.open(CACHE);
+async function page(url) {
   try {
-    const signal = AbortSignal.timeout(PATIENCE);
-    return await whole(request.url, { cache: "no-cache", signal });
+    return await whole(url, { cache: "no-cache", signal: AbortSignal.timeout(PATIENCE) });
   } catch (error) {
+    const cache = await caches.open(CACHE);
     const before = await cache.match(addressOf(PAGE));
     if (before) return before;
     throw error;
@@ -55,10 +61,9 @@ async function kept(request) {
   const found = await cache.match(request);
   if (found) return found;
   const response = await fetch(request);
-  if (response.status === 200) {
-    const copy = response.clone();
-    // A full disk is no reason to go without.
-    cache.put(request, copy).catch(() => {});
+  // A full disk is no reason to go without.
+  if (response.status === 200 && isOurs(request.url)) {
+    cache.put(request, response.clone()).catch(() => {});
   }
   return response;
 }

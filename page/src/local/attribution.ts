@@ -1,6 +1,8 @@
 // The score of a class, distributed over the faces of a file, as `model.attribution` does it.
 
 import type { Mesh } from "../mesh";
+import { faceAreas, faceGeometry, sum } from "../preparation/geometry";
+import { faceOf, findTwins } from "../preparation/halfedges";
 
 /** What each face of a level gathered: rows of `width` numbers of faces from 1, or 0 for none. */
 export interface Pool {
@@ -37,19 +39,8 @@ export function contributions(evidence: Float64Array, pools: Pool[], faces: Int3
 
 /** Pairs of faces that share an edge, both ways. */
 function neighbours(faces: Int32Array): [number, number][] {
-  const over = new Map<string, number[]>();
-  for (let h = 0; h < faces.length; h++) {
-    const [a, b] = [faces[h], faces[h % 3 === 2 ? h - 2 : h + 1]];
-    const key = a < b ? `${a} ${b}` : `${b} ${a}`;
-    if (!over.get(key)?.push(h)) over.set(key, [h]);
-  }
-  return [...over.values()]
-    .filter((both) => both.length === 2)
-    .map((both) => both.map((h) => Math.floor(h / 3)))
-    .flatMap(([f, g]): [number, number][] => [
-      [f, g],
-      [g, f],
-    ]);
+  const { twin } = findTwins(faces, Math.max(...faces) + 1);
+  return [...twin].flatMap((other, h): [number, number][] => (other < 0 ? [] : [[faceOf(h), faceOf(other)]]));
 }
 
 /** Ring by ring, each face with a share splits it among itself and its neighbours without one. */
@@ -75,7 +66,7 @@ function shareWithUnreached(
 /** Contributions of the faces of a file, from those of the prepared mesh in its coordinates. */
 export function ontoFile(shares: Float64Array, prepared: Mesh, file: Mesh): Float64Array {
   const owner = nearestFaces(centroids(file), prepared);
-  const areas = areasOf(file);
+  const areas = faceAreas(file.vertices, file.faces);
   const least = sum(areas) * NO_AREA;
   const owned = new Float64Array(shares.length);
   for (let f = 0; f < areas.length; f++) {
@@ -92,7 +83,7 @@ export function ontoFile(shares: Float64Array, prepared: Mesh, file: Mesh): Floa
 
 /** Contributions by share of the area, and that of the last colours. */
 export function densitiesOf(added: Float64Array, file: Mesh): { densities: Float64Array; limit: number } {
-  const areas = areasOf(file);
+  const areas = faceAreas(file.vertices, file.faces);
   const total = sum(areas);
   const densities = added.map((value, f) => value / Math.max(areas[f] / total, LEAST_AREA));
   const order = Float64Array.from(areas.keys()).sort(
@@ -103,52 +94,35 @@ export function densitiesOf(added: Float64Array, file: Mesh): { densities: Float
   return { densities, limit: Math.abs(densities[last ?? order[order.length - 1]]) };
 }
 
-const sum = (values: Float64Array) => values.reduce((total, value) => total + value, 0);
-
-function centroids({ vertices, faces }: Mesh): Float64Array {
-  const middles = new Float64Array(faces.length);
-  for (let f = 0; f < faces.length; f += 3) {
-    for (let k = 0; k < 3; k++) {
-      const [a, b, c] = [0, 1, 2].map((s) => vertices[3 * faces[f + s] + k]);
-      middles[f + k] = (a + b + c) / 3;
-    }
-  }
-  return middles;
-}
-
-function areasOf({ vertices, faces }: Mesh): Float64Array {
-  const areas = new Float64Array(faces.length / 3);
-  for (let f = 0; f < areas.length; f++) {
-    const [a, b, c] = [3 * faces[3 * f], 3 * faces[3 * f + 1], 3 * faces[3 * f + 2]];
-    const [ux, uy, uz] = [0, 1, 2].map((k) => vertices[b + k] - vertices[a + k]);
-    const [vx, vy, vz] = [0, 1, 2].map((k) => vertices[c + k] - vertices[a + k]);
-    areas[f] = Math.hypot(uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx) / 2;
-  }
-  return areas;
-}
+const centroids = ({ vertices, faces }: Mesh) =>
+  faceGeometry(vertices, faces).cornerSums.map((value) => value / 3);
 
 /** The face of a mesh that is nearest to each point. Measures those whose bounding spheres are
  * nearer than the nearest so far, from that of the point before, which is often the next to it. */
 function nearestFaces(points: Float64Array, mesh: Mesh): Int32Array {
-  const { vertices, faces } = mesh;
-  const count = faces.length / 3;
+  const triangles = trianglesOf(mesh);
+  const count = mesh.faces.length / 3;
   const centres = centroids(mesh);
   const radii = new Float64Array(count);
-  for (let h = 0; h < faces.length; h++) {
-    const f = Math.floor(h / 3);
-    const [x, y, z] = [0, 1, 2].map((k) => vertices[3 * faces[h] + k] - centres[3 * f + k]);
-    radii[f] = Math.max(radii[f], Math.hypot(x, y, z));
+  for (let h = 0; h < mesh.faces.length; h++) {
+    const f = faceOf(h);
+    const [dx, dy, dz] = [0, 1, 2].map((k) => triangles[3 * h + k] - centres[3 * f + k]);
+    radii[f] = Math.max(radii[f], Math.hypot(dx, dy, dz));
   }
   const nearest = new Int32Array(points.length / 3);
   let last = 0;
   for (let i = 0; i < nearest.length; i++) {
-    const [x, y, z] = [points[3 * i], points[3 * i + 1], points[3 * i + 2]];
+    const x = points[3 * i];
+    const y = points[3 * i + 1];
+    const z = points[3 * i + 2];
     let best = Infinity;
     for (let k = -1; k < count; k++) {
       const f = k < 0 ? last : k;
-      const [dx, dy, dz] = [centres[3 * f] - x, centres[3 * f + 1] - y, centres[3 * f + 2] - z];
+      const dx = centres[3 * f] - x;
+      const dy = centres[3 * f + 1] - y;
+      const dz = centres[3 * f + 2] - z;
       if (dx * dx + dy * dy + dz * dz > (best + radii[f]) ** 2) continue;
-      const distance = distanceFrom(x, y, z, vertices, faces, f);
+      const distance = distanceFrom(x, y, z, triangles, 9 * f);
       if (distance < best || (distance === best && f < nearest[i])) {
         best = distance;
         nearest[i] = f;
@@ -159,39 +133,47 @@ function nearestFaces(points: Float64Array, mesh: Mesh): Int32Array {
   return nearest;
 }
 
-/** Distance of a point from a face. */
-function distanceFrom(
-  x: number,
-  y: number,
-  z: number,
-  vertices: Float64Array,
-  faces: Int32Array,
-  face: number,
-): number {
-  const corners = [0, 1, 2].map((s) => 3 * faces[3 * face + s]);
-  const [a, b, c] = corners.map((i) => [vertices[i], vertices[i + 1], vertices[i + 2]]);
-  const point = [x, y, z];
-  const normal = cross(minus(b, a), minus(c, a));
-  let above = dot(normal, normal) > 0;
-  let square = Infinity;
-  for (const [start, end] of [
-    [a, b],
-    [b, c],
-    [c, a],
-  ]) {
-    const [edge, away] = [minus(end, start), minus(point, start)];
-    above &&= dot(cross(normal, edge), away) >= 0;
-    const along = Math.min(Math.max(dot(edge, away) / Math.max(dot(edge, edge), 1e-300), 0), 1);
-    const rest = minus(away, edge.map((part) => part * along));
-    square = Math.min(square, dot(rest, rest));
+/** The corners of each face, 9 numbers. */
+function trianglesOf({ vertices, faces }: Mesh): Float64Array {
+  const triangles = new Float64Array(3 * faces.length);
+  for (let h = 0; h < faces.length; h++) {
+    for (let k = 0; k < 3; k++) triangles[3 * h + k] = vertices[3 * faces[h] + k];
   }
-  return above ? Math.abs(dot(normal, minus(point, a))) / Math.sqrt(dot(normal, normal)) : Math.sqrt(square);
+  return triangles;
 }
 
-const minus = (a: number[], b: number[]) => [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
-const dot = (a: number[], b: number[]) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-const cross = (a: number[], b: number[]) => [
-  a[1] * b[2] - a[2] * b[1],
-  a[2] * b[0] - a[0] * b[2],
-  a[0] * b[1] - a[1] * b[0],
-];
+/** Distance of a point from the triangle at a place. Without arrays: it is called a million times. */
+function distanceFrom(x: number, y: number, z: number, p: Float64Array, at: number): number {
+  const ux = p[at + 3] - p[at];
+  const uy = p[at + 4] - p[at + 1];
+  const uz = p[at + 5] - p[at + 2];
+  const vx = p[at + 6] - p[at];
+  const vy = p[at + 7] - p[at + 1];
+  const vz = p[at + 8] - p[at + 2];
+  const nx = uy * vz - uz * vy;
+  const ny = uz * vx - ux * vz;
+  const nz = ux * vy - uy * vx;
+  const size = nx * nx + ny * ny + nz * nz;
+  let above = size > 0;
+  let square = Infinity;
+  for (let s = 0; s < 9; s += 3) {
+    const a = at + s;
+    const b = at + ((s + 3) % 9);
+    const ex = p[b] - p[a];
+    const ey = p[b + 1] - p[a + 1];
+    const ez = p[b + 2] - p[a + 2];
+    const dx = x - p[a];
+    const dy = y - p[a + 1];
+    const dz = z - p[a + 2];
+    const side = (ny * ez - nz * ey) * dx + (nz * ex - nx * ez) * dy + (nx * ey - ny * ex) * dz;
+    above = above && side >= 0;
+    const along = (ex * dx + ey * dy + ez * dz) / Math.max(ex * ex + ey * ey + ez * ez, 1e-300);
+    const share = Math.min(Math.max(along, 0), 1);
+    const rx = dx - ex * share;
+    const ry = dy - ey * share;
+    const rz = dz - ez * share;
+    square = Math.min(square, rx * rx + ry * ry + rz * rz);
+  }
+  if (!above) return Math.sqrt(square);
+  return Math.abs(nx * (x - p[at]) + ny * (y - p[at + 1]) + nz * (z - p[at + 2])) / Math.sqrt(size);
+}

@@ -6,7 +6,6 @@ import type { Download } from "./build";
 interface Loading {
   content: Promise<ArrayBuffer>;
   received: number;
-  whole: boolean;
   listeners: (() => void)[];
 }
 
@@ -14,8 +13,7 @@ interface Loading {
 export class Downloads {
   private readonly files = new Map<string, Loading>();
 
-  has = ({ path }: Download) => Boolean(this.files.get(path)?.whole);
-
+  /** Bytes of a file that have come. */
   received = ({ path }: Download) => this.files.get(path)?.received ?? 0;
 
   /** The content of a file; `listener` hears when more of it has come. */
@@ -25,15 +23,12 @@ export class Downloads {
       known.listeners.push(listener);
       return known.content;
     }
-    const loading: Loading = { content: null!, received: 0, whole: false, listeners: [listener] };
+    const loading: Loading = { content: null!, received: 0, listeners: [listener] };
     loading.content = download(file, (bytes) => {
       loading.received = bytes;
       for (const hear of loading.listeners) hear();
     });
-    loading.content.then(
-      () => (loading.whole = true),
-      () => this.files.delete(file.path),
-    );
+    loading.content.catch(() => this.files.delete(file.path));
     this.files.set(file.path, loading);
     return loading.content;
   }

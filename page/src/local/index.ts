@@ -29,17 +29,13 @@ class Local implements Backend {
   ) {}
 
   about(name: string): string {
+    const here = "Runs in this browser; nothing is uploaded.";
     const model = this.model(name);
-    const { runtime } = this.build;
-    const left = [runtime, model].filter((one) => !this.downloads.has(one));
-    const words = ["Runs in this browser; nothing is uploaded."];
-    if (left.length) {
-      const sizes = left.map((one) => `${megabytes(one.bytes)} ${one === runtime ? "runtime" : "model"}`);
-      words.push(`Your first file loads ${sizes.join(" and ")}, once.`);
-    } else if (isKept()) {
-      words.push("It works without a network now.");
-    }
-    return words.join(" ");
+    const first = this.left([this.build.runtime, model]);
+    const others = this.left(this.build.models.filter((one) => one !== model));
+    const later = others ? `; a doubtful answer loads the other models, too (${megabytes(others)})` : "";
+    if (first) return `${here} Your first file loads ${megabytes(first)}, once${later}.`;
+    return isKept() ? `${here} It works without a network now.` : here;
   }
 
   models = async () => this.build.models;
@@ -90,16 +86,31 @@ class Local implements Backend {
 
   private async contents(model: LocalModel, progress: Progress): Promise<Contents> {
     await this.kept;
-    const parts: Download[] = [this.build.runtime, model];
-    const left = parts.filter((part) => !this.downloads.has(part));
-    const bytes = left.reduce((sum, part) => sum + part.bytes, 0);
+    const { runtime } = this.build;
+    const bytes = this.left([runtime, model]);
+    const before = this.received([runtime, model]);
+    let waits = true; // after one failed, the other goes on
     const heard = () => {
-      const received = left.reduce((sum, part) => sum + this.downloads.received(part), 0);
-      if (received < bytes) progress(received / bytes, bytes);
+      const received = this.received([runtime, model]) - before;
+      if (waits && received < bytes) progress(received / bytes, bytes);
     };
-    const [runtime, file] = await Promise.all(parts.map((part) => this.downloads.get(part, heard)));
-    return { runtime, model: file };
+    try {
+      const [wasm, file] = await Promise.all([
+        this.downloads.get(runtime, heard),
+        this.downloads.get(model, heard),
+      ]);
+      return { runtime: wasm, model: file };
+    } finally {
+      waits = false;
+    }
   }
+
+  private received = (files: Download[]) =>
+    files.reduce((sum, file) => sum + this.downloads.received(file), 0);
+
+  /** Bytes that are still to be loaded. */
+  private left = (files: Download[]) =>
+    files.reduce((sum, file) => sum + file.bytes, 0) - this.received(files);
 
   /** By its name; the default without one. */
   private model(name?: string): LocalModel {

@@ -15,9 +15,12 @@ from playwright.sync_api import Browser, BrowserContext, Page, expect
 from meshconv3d.model.samples import sample_paths
 from meshconv3d.service.attribution import FORMS, explain
 from meshconv3d.service.classifier import Classifier
+from meshconv3d.service.library import Library
 from tests.commands import meshconv3d
 from tests.processes import until
 from tests.service.page.conftest import DESKTOP
+from tests.service.page.pixels import orange, pixels
+from tests.service.page.test_accessibility import faults
 
 SAMPLES = sample_paths()
 MODELS = ("objects", "shrec11")
@@ -33,17 +36,20 @@ class Host:
     """A web host of static files, with the build in a folder below."""
 
     root: Path
-    asked: list[tuple[str, str]] = field(default_factory=list)
-    down: bool = False
+    asked: list[str] = field(default_factory=list)
+    missing: list[str] = field(default_factory=list)
     server: ThreadingHTTPServer = field(init=False)
 
     def __post_init__(self) -> None:
         host = self
 
         class Handler(SimpleHTTPRequestHandler):
-            def handle_one_request(self) -> None:
-                super().handle_one_request()
-                host.asked.append((self.command, self.path))
+            def do_GET(self) -> None:
+                host.asked.append(self.path)
+                if any(part in self.path for part in host.missing):
+                    self.send_error(404)
+                else:
+                    super().do_GET()
 
             def log_message(self, *_: object) -> None: ...
 
@@ -141,13 +147,25 @@ def classifier() -> Classifier:
 
 def test_sizes_are_told_before_anything_large_is_loaded(visit: Static, host: Host) -> None:
     expect(visit.at("#about")).to_have_text(
-        "Runs in this browser; nothing is uploaded. "
-        "Your first file loads 3.5 MB runtime and 3.7 MB model, once."
+        "Runs in this browser; nothing is uploaded. Your first file loads 7.3 MB, once; "
+        "a doubtful answer loads the other models, too (1.5 MB)."
     )
     expect(visit.at("#sample-list .card")).to_have_count(len(sample_paths()))
     expect(visit.at("#over-http")).to_be_hidden()
     until(lambda: visit.page.evaluate("Boolean(navigator.serviceWorker.controller)"))
-    assert not [path for _, path in host.asked if "onnx" in path]
+    assert not [path for path in host.asked if "onnx" in path]
+
+
+def test_what_cannot_be_loaded_is_said_and_loaded_later(visit: Static, host: Host) -> None:
+    host.missing.append("objects.onnx")
+    visit.give(SAMPLES["chair"])
+    expect(visit.at(".verdict.failed")).to_have_text("This page lacks what it needs")
+    expect(visit.at("#result .reason")).to_contain_text("answers 404 for models/objects.onnx")
+    host.missing.clear()
+    visit.at("#result button").filter(has_text="Try again").click()
+    expect(visit.at(".verdict")).to_have_text("chair")
+    visit.at("#entries .remove").evaluate("button => button.click()")  # hidden: it is alone
+    visit.faults.clear()  # the browser's own line about the 404
 
 
 @pytest.fixture(scope="module")
@@ -181,3 +199,99 @@ def test_a_sample_is_answered_as_by_the_service(
     for number in ("score", "bias", "limit"):
         assert ours[number] == pytest.approx(theirs[number], abs=2e-3)
     np.testing.assert_allclose(ours["contributions"], theirs["contributions"], atol=1e-4)
+
+
+def arrays_of(glb: bytes) -> tuple[dict, np.ndarray, np.ndarray]:
+    """The legend, the positions, and the colours of a coloured mesh."""
+    length = int.from_bytes(glb[12:16], "little")
+    document = json.loads(glb[20 : 20 + length])
+    binary = glb[28 + length :]
+    split = document["bufferViews"][1]["byteOffset"]
+    positions = np.frombuffer(binary[:split], "<f4")
+    return document["nodes"][0]["extras"], positions, np.frombuffer(binary[split:], "<u2")
+
+
+def test_coloured_meshes_are_those_of_the_service(gallery: Static, classifier: Classifier) -> None:
+    gallery.at("#entries .card").filter(has_text="wolf.stl").click()
+    expect(gallery.at("#view")).to_have_attribute("data-shows", "quadruped")
+    until(lambda: orange(pixels(gallery.at("#view"))) > 0.005)
+    explained = explain(classifier, SAMPLES["wolf"])
+    found = arrays_of(gallery.saved("Coloured mesh (GLB)"))
+    expected = arrays_of(FORMS["glb"].write("wolf.stl", explained))
+    assert found[0]["colours"] == expected[0]["colours"]
+    np.testing.assert_allclose(found[1], expected[1], rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(found[2], expected[2].astype(float), atol=65)
+    ply = gallery.saved("PLY"), FORMS["ply"].write("wolf.stl", explained)
+    (head, body), (_, theirs) = (content.split(b"end_header\n", 1) for content in ply)
+    assert b"property double density" in head
+    assert len(body) == len(theirs)
+
+
+def test_a_class_of_choice_is_explained(gallery: Static) -> None:
+    gallery.at(".bars button").nth(2).click()
+    label = str(gallery.at(".bars button").nth(2).get_attribute("data-class"))
+    expect(gallery.at("#view")).to_have_attribute("data-shows", label)
+
+
+def test_meshes_alike_are_those_of_the_service(
+    gallery: Static, classifier: Classifier, library: Path
+) -> None:
+    searched = Library.read(library, [classifier.model.card])
+    for name in ("chair", "train"):
+        gallery.at("#entries .card").filter(has_text=SAMPLES[name].name).click()
+        gallery.at("#result").get_by_role("button", name="Search the library").click()
+        hits = gallery.at(".alike li")
+        expect(hits).to_have_count(10)
+        matches = searched.nearest(classifier.classify(SAMPLES[name]).embedding, 10)
+        files = [Path(searched.value("file", match.row)).name for match in matches]
+        assert hits.locator(".card-name").all_text_contents() == files
+        expect(gallery.at(".alike img")).to_have_count(10)
+
+
+def test_the_times_of_the_page_go_on_while_a_large_file_is_read(
+    gallery: Static, large_file: Path
+) -> None:
+    """The view is not held up by the classification."""
+    frames = """() => new Promise(done => {
+        let last = performance.now(), longest = 0, left = 30;
+        const next = now => {
+            longest = Math.max(longest, now - last);
+            last = now;
+            left-- ? requestAnimationFrame(next) : done(longest);
+        };
+        requestAnimationFrame(next);
+    })"""
+    gallery.give(large_file)
+    assert gallery.page.evaluate(frames) < 5000
+    expect(gallery.at("#result")).to_contain_text("200\u202f000 faces, simplified to 500")
+
+
+def test_the_gallery_is_a_table(gallery: Static) -> None:
+    with gallery.page.expect_download() as download:
+        gallery.at("#csv").click()
+    lines = download.value.path().read_text().splitlines()
+    assert [line.split(",")[0] for line in lines[1:13]] == [path.name for path in SAMPLES.values()]
+
+
+def test_axe_finds_no_fault_in_it(gallery: Static) -> None:
+    assert faults(gallery) == []  # type: ignore[arg-type]
+
+
+def test_nobody_else_was_asked_and_nothing_was_sent(gallery: Static, host: Host) -> None:
+    origin = host.url.removesuffix("below/page/")
+    assert {method for method, _ in gallery.asked} == {"GET"}
+    own = (origin, "data:", f"blob:{origin}")
+    assert [url for _, url in gallery.asked if not url.startswith(own)] == []
+    assert gallery.page.evaluate("window.violations") == []
+    assert gallery.faults == []
+
+
+def test_it_works_without_a_network(gallery: Static, context: BrowserContext, host: Host) -> None:
+    """Once it was opened, and with what was loaded then."""
+    host.stop()
+    offline = opened(context, host.url)
+    expect(offline.at("#about")).to_contain_text("nothing is uploaded")
+    offline.at("#sample-list .card").filter(has_text="spoon").click()
+    expect(offline.at(".bars")).to_be_visible()
+    expect(offline.at("#view")).not_to_have_attribute("data-shows", "nothing")
+    assert offline.page.evaluate("window.violations") == []
