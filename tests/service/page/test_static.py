@@ -1,6 +1,7 @@
 """The page without a server answers as the service does, asks nobody else, and works offline."""
 
 import json
+import re
 import threading
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -23,7 +24,6 @@ from tests.service.page.pixels import orange, pixels
 from tests.service.page.test_accessibility import faults
 
 SAMPLES = sample_paths()
-MODELS = ("objects", "shrec11")
 VIOLATIONS = """
     window.violations = [];
     document.addEventListener(
@@ -76,12 +76,12 @@ def library(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def built(library: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A root with the build in below/page."""
+def built(library: Path, learned_file: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A root with the build in below/page, of two models, the second with learned pooling."""
     root = tmp_path_factory.mktemp("host")
     (root / "below").mkdir()
-    options = [word for model in MODELS for word in ("--model", model)]
-    made = meshconv3d("page", "--out", root / "below" / "page", *options, "--library", library)
+    options = ["--model", "objects", "--model", learned_file, "--library", library]
+    made = meshconv3d("page", "--out", root / "below" / "page", *options)
     assert made.returncode == 0, made.stderr
     return root
 
@@ -124,6 +124,7 @@ class Static:
 
 def opened(context: BrowserContext, url: str) -> Static:
     visit = Static(context.new_page())
+    visit.page.clock.install()  # it goes on as ever, but can be put forward
     visit.page.on("pageerror", lambda error: visit.faults.append(str(error)))
     visit.page.on(
         "console", lambda line: visit.faults.append(line.text) if line.type == "error" else None
@@ -147,8 +148,10 @@ def classifier() -> Classifier:
 
 def test_sizes_are_told_before_anything_large_is_loaded(visit: Static, host: Host) -> None:
     expect(visit.at("#about")).to_have_text(
-        "Runs in this browser; nothing is uploaded. Your first file loads 7.3 MB, once; "
-        "a doubtful answer loads the other models, too (1.5 MB)."
+        re.compile(
+            r"Runs in this browser; nothing is uploaded. Your first file loads 7.3.MB, once; "
+            r"a doubtful answer loads the other models, too \(\d+.kB\)."
+        )
     )
     expect(visit.at("#sample-list .card")).to_have_count(len(sample_paths()))
     expect(visit.at("#over-http")).to_be_hidden()
@@ -284,6 +287,27 @@ def test_nobody_else_was_asked_and_nothing_was_sent(gallery: Static, host: Host)
     assert [url for _, url in gallery.asked if not url.startswith(own)] == []
     assert gallery.page.evaluate("window.violations") == []
     assert gallery.faults == []
+
+
+def test_a_mesh_that_takes_too_long_is_given_up(
+    gallery: Static, context: BrowserContext, host: Host, large_file: Path
+) -> None:
+    """The next one has a new worker. A model with learned pooling explains nothing."""
+    visit = opened(context, host.url)
+    visit.give(large_file)
+    expect(visit.at(".verdict.waiting")).to_contain_text("Looking at it")
+    visit.page.wait_for_timeout(500)
+    visit.page.clock.fast_forward(61_000)
+    expect(visit.at(".verdict.failed")).to_have_text("This mesh takes too long")
+    visit.at("#sample-list .card").filter(has_text="chair").click()
+    expect(visit.at(".verdict")).to_have_text("chair")
+    visit.at("#entries .remove").first.click()
+    visit.at("#model").click()
+    visit.at('#models button[data-model="learned"]').click()
+    expect(visit.at(".bars")).to_be_visible()
+    expect(visit.at("#result")).to_contain_text("cannot show its evidence")
+    expect(visit.at(".downloads button")).to_have_text(["JSON"])
+    assert visit.faults == []
 
 
 def test_it_works_without_a_network(gallery: Static, context: BrowserContext, host: Host) -> None:
