@@ -41,7 +41,11 @@ ROWS: dict[str, dict[str, Any]] = {
     "paper": PRESETS["paper"],
     "plain norm in eq. 5": {"pooling_norm": "plain"},
     "absolute first term of eq. 1": {"absolute_offsets": True},
+    "K = 1": {"patch_size": 1},
+    "K = 4": {"patch_size": 4},
+    "K = 7": {"patch_size": 7},
     "K = 16": {"patch_size": 16},
+    "half the channels": {"channels": (32, 64, 128)},
     "half the descriptors": {"descriptor_hidden": 64, "descriptor_channels": 32},
 }
 
