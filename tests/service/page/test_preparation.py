@@ -253,6 +253,6 @@ def test_other_formats_are_refused_with_those_that_are_read(tmp_path: Path) -> N
     paths["named"].write_bytes(sample_paths()["nut"].read_bytes())
     answers = run(paths)
     assert "is not read in the browser, which reads obj, off" in answers["step"]["error"]
-    assert "the service, which reads more" in answers["step"]["error"]
+    assert "which reads more" in answers["step"]["error"]
     assert "is empty" in answers["empty"]["error"]
     assert "its content is STL (stl)" in answers["named"]["error"]
