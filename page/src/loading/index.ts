@@ -44,7 +44,7 @@ export async function load(name: string, data: ArrayBuffer, pieces?: Pieces): Pr
     throw new MeshError(
       "unknown-format",
       `'${name}' is of a format that is not read in the browser, which reads ${EXTENSIONS.join(", ")}; ` +
-        "convert the mesh to one of these, or use `meshconv3d classify`, which reads more",
+        "convert the mesh to one of these, or use meshconv3d classify, which reads more",
     );
   }
   const bytes = asUtf8(new Uint8Array(data));

@@ -23,7 +23,7 @@ const READ = new RegExp(
 export const unsupported = (what: string) =>
   new MeshError(
     "unsupported-feature",
-    `${what} in the browser; use `meshconv3d classify`, which reads more, or export as plain glTF 2.0 without it`,
+    `${what} in the browser; use meshconv3d classify, which reads more, or export as plain glTF 2.0 without it`,
   );
 
 /** The error for data that ends too early. */
