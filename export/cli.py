@@ -55,6 +55,12 @@ def export(
     """
     if not output.parent.is_dir():
         raise click.UsageError(f"no such folder: {output.parent}")
+    if output.suffix.lower() != ".onnx":
+        raise click.UsageError(f"--output {output} does not end with .onnx")
+    if checkpoint.suffix == ".onnx" and not whole:
+        raise click.UsageError(
+            f"{checkpoint} is a model file already; with --whole it becomes a whole pipeline"
+        )
     from meshconv3d.export.comparison import ParityError
 
     about = _read_text(card) if card else None

@@ -65,11 +65,14 @@ class Examples:
     def of(
         cls, names: Sequence[str], files: Sequence[str], features: Sequence[NDArray[np.float32]]
     ) -> Self:
-        """Examples of which each has the name of its class, its file and its features, C."""
+        """Examples of which each has the name of its class, its file and its features, C.
+
+        Features are rounded to half precision, as a model file keeps them.
+        """
         classes = tuple(sorted(set(names)))
         labels = np.array([classes.index(name) for name in names], np.int64)
         stacked = np.stack(features) if features else np.zeros((0, 0), np.float32)
-        return cls(classes, tuple(files), labels, stacked)
+        return cls(classes, tuple(files), labels, stacked.astype("<f2").astype(np.float32))
 
     @cached_property
     def counts(self) -> NDArray[np.int64]:
@@ -85,8 +88,18 @@ class Examples:
         names, files = zip(*rows, strict=True)
         return self.of(names, files, list(rows.values()))
 
+    def distinct(self) -> tuple[Self, list[list[str]]]:
+        """One example of each mesh in a class, and the files of each mesh that had several."""
+        groups: dict[tuple[int, bytes], list[int]] = {}
+        for row, (label, features) in enumerate(zip(self.labels, self.features, strict=True)):
+            groups.setdefault((int(label), features.tobytes()), []).append(row)
+        kept = [group[0] for group in groups.values()]
+        files = tuple(self.files[row] for row in kept)
+        copies = [[self.files[row] for row in group] for group in groups.values() if len(group) > 1]
+        return type(self)(self.classes, files, self.labels[kept], self.features[kept]), copies
+
     def to_property(self) -> str:
-        """Text for the metadata of a model file; features are rounded to half precision."""
+        """Text for the metadata of a model file."""
         packed = zlib.compress(self.features.astype("<f2").tobytes(), 9)
         return json.dumps(
             {

@@ -70,15 +70,25 @@ def teach(
         raise click.UsageError("--add goes on with the base of its model: leave --base out")
     if not output.parent.is_dir():
         raise click.UsageError(f"--output {output}: there is no folder {output.parent}")
+    if output.suffix.lower() != ".onnx":
+        raise click.UsageError(f"--output {output} does not end with .onnx")
     settings = read_settings({})
+    source = str(taught or base or DEFAULT_MODEL)
     with usage_errors(ModelFileError):
-        teacher = Teacher(ModelFile.read(str(taught or base or DEFAULT_MODEL)).content)
+        content = ModelFile.read(source).content
+        try:
+            teacher = Teacher(content)
+        except ModelFileError as error:
+            raise click.UsageError(f"{source}: {error}") from None
         earlier = teacher.examples
         if taught and earlier is None:
             raise click.UsageError(f"--add {taught} was not made by teach: give it as --base")
         examples = _read(teacher, folder, settings.limits)
-        if earlier is not None:
+        if earlier is not None and examples.files:
             examples = earlier.joined(examples)
+        elif earlier is not None:
+            raise click.UsageError(f"{folder} has no example to add, as {folder}/CLASS/FILE")
+        examples, copies = examples.distinct()
         if len(examples.classes) < 2:
             found = ", ".join(examples.classes) or "none"
             raise click.UsageError(
@@ -87,6 +97,7 @@ def teach(
             )
         made = teacher.teach(name or output.stem, examples, _probe(), by)
     write_whole(output, made.content)
+    _list("one mesh, several times in a class, taken once:", [", ".join(g) for g in copies])
     _report(examples, made.card, made.left_out)
     click.echo(f"wrote {output} ({len(made.content) / 1e6:.2f} MB)")
 
@@ -145,7 +156,13 @@ def _read(teacher: "Teacher", folder: Path, limits: "Limits") -> "Examples":
 
 def _report(examples: "Examples", card: "ModelCard", left_out: "LeftOut") -> None:
     """Print what the examples say of one another."""
-    from meshconv3d.export.teaching import ENOUGH, confusions, doubted, in_several_classes
+    from meshconv3d.export.teaching import (
+        ENOUGH,
+        LEAST_CALIBRATED,
+        confusions,
+        doubted,
+        in_several_classes,
+    )
 
     if len(left_out.labels):
         click.echo(
@@ -158,8 +175,8 @@ def _report(examples: "Examples", card: "ModelCard", left_out: "LeftOut") -> Non
     )
     if card.calibration is None:
         click.echo(
-            "too few examples to calibrate: probabilities are rough, and nothing is unknown; "
-            "give two or more of each class"
+            f"too few examples to calibrate ({len(left_out.labels)} in classes of two or more, "
+            f"{LEAST_CALIBRATED} are needed): probabilities are rough, and nothing is unknown"
         )
     else:
         _list(

@@ -134,6 +134,7 @@ class TablePrinter(Printer):
     def __init__(self, top: int | None) -> None:
         super().__init__(TABLE_TOP if top is None else top)
         self._refusals: list[str] = []
+        self._rough = False
         self._table = Table(box=None, pad_edge=False)
         self._table.add_column("File", overflow="fold")
         self._table.add_column("Class")
@@ -145,6 +146,8 @@ class TablePrinter(Printer):
         self._table.add_row(shown(name), *_cells(result, self._top))
         if isinstance(result, Failure):  # below: a sentence in a column would squeeze all others
             self._refusals.append(f"[red]{shown(name)}: {shown(result.message)}[/red]")
+        elif result.unknown is None:
+            self._rough = True
 
     def __exit__(self, *_: object) -> None:
         console = Console(highlight=False)
@@ -152,6 +155,8 @@ class TablePrinter(Printer):
             console.print(self._table)
         for line in self._refusals:
             console.print(line, soft_wrap=True)
+        if self._rough:
+            console.print("[yellow]Probabilities are rough: the model has no calibration.[/yellow]")
 
 
 def _cells(result: Result, top: int | None) -> list[str]:

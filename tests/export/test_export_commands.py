@@ -60,10 +60,26 @@ def test_export_to_a_missing_folder_is_a_usage_error(checkpoint_file: Path, tmp_
 
 
 def test_export_of_what_is_no_checkpoint_fails(model_file: Path, tmp_path: Path) -> None:
-    result = run("export", model_file, "-o", tmp_path / "file.onnx")
+    text = tmp_path / "notes.safetensors"
+    text.write_text("no checkpoint")
+    result = run("export", text, "-o", tmp_path / "file.onnx")
     assert result.exit_code == 1
-    assert f"{model_file} is not a safetensors file" in result.stderr
-    assert list(tmp_path.iterdir()) == []
+    assert f"{text} is not a safetensors file" in result.stderr
+    result = run("export", model_file, "-o", tmp_path / "file.onnx")
+    assert result.exit_code == 2
+    assert "with --whole it becomes a whole pipeline" in result.stderr
+    assert list(tmp_path.iterdir()) == [text]
+
+
+@pytest.mark.parametrize("name", ["mesh.stl", "model"])
+def test_export_writes_no_file_of_another_form(
+    name: str, checkpoint_file: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "mesh.stl").write_text("solid")
+    result = run("export", checkpoint_file, "-o", tmp_path / name)
+    assert result.exit_code == 2
+    assert f"{name} does not end with .onnx" in result.stderr
+    assert (tmp_path / "mesh.stl").read_text() == "solid"
 
 
 def test_export_refuses_a_mesh_that_cannot_be_compared_on(

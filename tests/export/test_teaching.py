@@ -209,3 +209,21 @@ def test_classes_of_the_base_that_are_not_taught_are_others() -> None:
     assert [is_other(place) for place in (chair, car, table)] == [False, False, True]
     assert len(head.others) == len(points) - 2
     assert len(left_out.labels) == 10
+
+
+def test_copies_of_a_mesh_count_once_in_a_class() -> None:
+    rows = np.random.default_rng(0).normal(size=(3, 8)).astype(np.float32)
+    features = [rows[0], rows[0], rows[1], rows[2], rows[0]]
+    examples = Examples.of(["a", "a", "a", "b", "b"], ["1", "2", "3", "4", "5"], features)
+    distinct, copies = examples.distinct()
+    assert distinct.files == ("1", "3", "4", "5")
+    assert distinct.counts.tolist() == [2, 2]
+    assert copies == [["1", "2"]]
+
+
+def test_a_mesh_that_was_taught_is_known_again_in_another_class() -> None:
+    rows = np.random.default_rng(0).normal(size=(2, 8)).astype(np.float32)
+    taught = Examples.of(["a", "b"], ["1", "2"], list(rows))
+    again = Examples.from_property(taught.to_property())
+    more = again.joined(Examples.of(["c"], ["3"], [rows[0]]))
+    assert in_several_classes(more) == [["1", "3"]]

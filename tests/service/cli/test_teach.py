@@ -71,8 +71,11 @@ def test_more_can_be_added(examples: Path, taught: Path, tmp_path: Path) -> None
     assert counts == {"ball": 7, "box": 6, "cone": 3, "ring": 6}
 
 
-def test_an_interrupted_or_wrong_call_writes_nothing(examples: Path, tmp_path: Path) -> None:
+def test_an_interrupted_or_wrong_call_writes_nothing(
+    examples: Path, taught: Path, tmp_path: Path
+) -> None:
     file = tmp_path / "none.onnx"
+    (tmp_path / "empty").mkdir()
     alone = tmp_path / "alone"
     (alone / "box").mkdir(parents=True)
     write_off(alone / "box" / "one.off", cube())
@@ -81,6 +84,8 @@ def test_an_interrupted_or_wrong_call_writes_nothing(examples: Path, tmp_path: P
     write_off(reserved / "unknown" / "one.off", cube())
     for arguments, reason in (
         ((alone,), "two classes or more"),
+        ((tmp_path / "empty", "--add", taught), "has no example to add"),
+        ((examples, "-o", tmp_path / "mesh.stl"), "does not end with .onnx"),
         ((examples, "--add", examples / "ball" / "train" / "0.off"), "damaged or is no ONNX"),
         ((examples, "--base", "nothing"), "no model 'nothing'"),
         ((reserved,), "no class may be called unknown"),
@@ -89,7 +94,8 @@ def test_an_interrupted_or_wrong_call_writes_nothing(examples: Path, tmp_path: P
             "leave --base out",
         ),
     ):
-        done = meshconv3d("teach", *arguments, "-o", file)
+        done = meshconv3d("teach", "-o", file, *arguments)
         assert done.returncode == 2
         assert reason in done.stderr
     assert not file.exists()
+    assert not (tmp_path / "mesh.stl").exists()
