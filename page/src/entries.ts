@@ -45,6 +45,7 @@ export class Entry {
   /** Meshes of the library that are like it; null: not asked for. */
   similar: Alike[] | null = null;
   searching = false;
+  searchError: Refused | null = null;
   /** Whether all classes are listed, or only the likeliest. */
   allClasses = false;
 
@@ -61,13 +62,13 @@ export class Entry {
     this.state = { step: "waiting" };
     this.explaining?.abort();
     this.explained.clear();
-    this.chosen = this.explainError = null;
+    this.chosen = this.explainError = this.searchError = null;
     this.surer = undefined;
   }
 
-  /** Why there is no answer, or no explanation. */
+  /** Why there is no answer, no explanation, or no search. */
   get error(): Refused | null {
-    return this.state.step === "failed" ? this.state.error : this.explainError;
+    return this.state.step === "failed" ? this.state.error : (this.explainError ?? this.searchError);
   }
 
   get answer(): Answer | null {

@@ -106,10 +106,18 @@ export class Visit {
   /** Look for meshes of the library that are like an entry. */
   async search(entry: Entry): Promise<void> {
     entry.searching = true;
+    entry.searchError = null;
     this.changed();
-    entry.similar = await this.attempt(entry, () => backend.similar(entry.files));
+    let words: string;
+    try {
+      entry.similar = await backend.similar(entry.files);
+      words = `${entry.similar.length} meshes of the library are shown`;
+    } catch (error) {
+      entry.searchError = api.asRefused(error);
+      words = entry.searchError.message;
+    }
     entry.searching = false;
-    if (entry.similar && entry === this.current) this.say(`${entry.similar.length} meshes of the library are shown`);
+    if (entry === this.current) this.say(words);
     this.changed();
   }
 

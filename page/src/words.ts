@@ -28,9 +28,8 @@ export const probabilityIn = (answer: Answer, share: number) =>
   isRough(answer) ? roughly(share) : percent(share);
 
 export function megabytes(bytes: number): string {
-  if (bytes < 2 ** 20) return `${Math.max(1, Math.round(bytes / 2 ** 10))}\u00a0kB`;
-  const value = bytes / 2 ** 20;
-  return `${Number(value.toFixed(value < 10 ? 1 : 0))}\u00a0MB`;
+  if (bytes < 1e6) return `${Math.max(1, Math.round(bytes / 1e3))}\u00a0kB`;
+  return `${Number((bytes / 1e6).toFixed(1))}\u00a0MB`;
 }
 
 /** "Score 0.04 = faces 0.06 − 0.02 bias": what is left of the two rounded numbers is the bias. */

@@ -54,8 +54,12 @@ def page(folder: Path, models: tuple[str, ...], library: Path | None) -> None:
 
             searched = Library.read(settings.library, cards)
     names = [card.name for card in cards]
-    if len(set(names)) < len(names):
-        raise click.UsageError(f"--model: two models have one name: {', '.join(names)}")
+    repeated = next((name for name in names if names.count(name) > 1), None)
+    if repeated is not None:
+        raise click.UsageError(
+            f"--model: two models have the name {printable(repeated)}; leave one out, or export or "
+            "teach it again with another --name"
+        )
     try:
         sizes = write_page(folder, files, searched)
     except ParityError as error:

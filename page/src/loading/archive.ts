@@ -1,6 +1,6 @@
 // The files in a ZIP archive that is a mesh file itself (3MF, packed AMF).
 
-import { unzipSync } from "fflate";
+import { type UnzipFileFilter, unzipSync } from "fflate";
 import { MeshError } from "../mesh";
 import { limit } from "./limits";
 import { quoted } from "./text";
@@ -22,25 +22,24 @@ export const partName = (reference: string, source = "") =>
 export function unpack(data: Uint8Array, ends: RegExp): Map<string, Uint8Array> {
   const names = new Set<string>();
   let bytes = 0;
-  const filter = ({ name, originalSize }: { name: string; originalSize: number }) => {
+  const files = unzipped(data, ({ name, originalSize }) => {
     const part = partName(`/${name}`);
     if (!ends.test(part)) return false;
-    if (names.has(part)) {
-      throw new MeshError(
-        "repeated-name",
-        `the ZIP archive holds several files named ${quoted(part)}; pack it again, ` +
-          "with a name of its own for each",
-      );
-    }
+    if (names.has(part)) throw repeated(part);
     names.add(part);
     bytes += originalSize;
     const most = MOST_PER_BYTE * data.length;
     limit("unpacked bytes", bytes > most ? Infinity : bytes, `the package unpacks to ${bytes} bytes`);
     return true;
-  };
+  });
+  return new Map(Object.entries(files).map(([name, content]) => [partName(`/${name}`), content]));
+}
+
+/** The files of an archive that pass the filter, by their paths. Throws MeshError for an archive that is
+ * damaged, and what the filter throws. */
+export function unzipped(data: Uint8Array, filter: UnzipFileFilter): Record<string, Uint8Array<ArrayBuffer>> {
   try {
-    const files = unzipSync(data, { filter });
-    return new Map(Object.entries(files).map(([name, content]) => [partName(`/${name}`), content]));
+    return unzipSync(data, { filter }) as Record<string, Uint8Array<ArrayBuffer>>;
   } catch (error) {
     if (error instanceof MeshError) throw error;
     throw new MeshError(
@@ -49,3 +48,11 @@ export function unpack(data: Uint8Array, ends: RegExp): Map<string, Uint8Array> 
     );
   }
 }
+
+/** The error of an archive that names two files alike. */
+export const repeated = (name: string) =>
+  new MeshError(
+    "repeated-name",
+    `the ZIP archive holds several files named ${quoted(name)}; pack it again, ` +
+      "with a name of its own for each",
+  );

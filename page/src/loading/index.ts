@@ -3,6 +3,7 @@
 
 import { MeshError, type Mesh } from "../mesh";
 import { extensionOf } from "../parsing/formats";
+import { unzip } from "../parsing/unzip";
 import { readAmf } from "./amf";
 import { isZip } from "./archive";
 import { readGltf, type Pieces } from "./gltf";
@@ -39,6 +40,7 @@ export const EXTENSIONS = Object.keys(FORMATS);
  * in which a .gltf keeps its buffers. Throws MeshError, whatever the bytes are. */
 export async function load(name: string, data: ArrayBuffer, pieces?: Pieces): Promise<Mesh> {
   const extension = extensionOf(name);
+  if (extension === "zip") throw withoutMesh(data);
   const format = FORMATS[extension];
   if (!format) {
     throw new MeshError(
@@ -70,6 +72,16 @@ export async function load(name: string, data: ArrayBuffer, pieces?: Pieces): Pr
       `the file cannot be read as ${format.title}; it is damaged or was written wrongly, export it again`,
     );
   }
+}
+
+/** The error of a ZIP archive that was not unpacked into meshes (`files`). */
+function withoutMesh(data: ArrayBuffer): MeshError {
+  unzip(data); // throws where that is the reason
+  return new MeshError(
+    "no-meshes",
+    "the ZIP archive holds no file of a format that is read in the browser, which reads " +
+      `${EXTENSIONS.join(", ")}; archives within it are not opened`,
+  );
 }
 
 /** The same text in UTF-8, where it was in UTF-16. The header of a binary STL may begin with any bytes. */

@@ -18,9 +18,11 @@ export function alike(entry: Entry, search: () => void): HTMLElement {
     if (others.length) box.append(make("p", { textContent: "The most like it:" }), cards(others));
     return box;
   }
+  const failed = entry.searchError;
+  if (failed) box.append(make("p", { className: "reason", textContent: failed.message }));
   const button = make("button", {
     type: "button",
-    textContent: entry.searching ? "Searching …" : "Search the library",
+    textContent: entry.searching ? "Searching …" : failed ? "Try again" : "Search the library",
     disabled: entry.searching,
     onclick: search,
   });

@@ -1,6 +1,7 @@
 // The files in a ZIP archive.
 
-import { unzipSync } from "fflate";
+import { repeated, unzipped } from "../loading/archive";
+import { MeshError } from "../mesh";
 import { extensionOf } from "./formats";
 
 export type Unpacked = Record<string, Uint8Array<ArrayBuffer>>;
@@ -11,20 +12,22 @@ const MOST_BYTES = 2 ** 30;
 const isHidden = (part: string) => part.startsWith(".") || part === "__MACOSX";
 
 /** The content of each file by its path, without hidden ones, folders, and archives within. Throws
- * for an archive that is damaged, too large, or names two files alike. */
+ * MeshError for an archive that is damaged, too large, or names two files alike. */
 export function unzip(data: ArrayBuffer): Unpacked {
   const names = new Set<string>();
   let bytes = 0;
-  const files = unzipSync(new Uint8Array(data), {
-    filter: ({ name, originalSize }) => {
-      const left = name.split("/").some(isHidden) || name.endsWith("/");
-      if (left || extensionOf(name) === "zip") return false;
-      if (names.has(name)) throw new Error(`two files are named ${name}`);
-      names.add(name);
-      bytes += originalSize;
-      if (bytes > MOST_BYTES) throw new Error("the archive unpacks to too much");
-      return true;
-    },
+  return unzipped(new Uint8Array(data), ({ name, originalSize }) => {
+    const left = name.split("/").some(isHidden) || name.endsWith("/");
+    if (left || extensionOf(name) === "zip") return false;
+    if (names.has(name)) throw repeated(name);
+    names.add(name);
+    bytes += originalSize;
+    if (bytes > MOST_BYTES) {
+      throw new MeshError(
+        "too-many-unpacked-bytes",
+        `the ZIP archive unpacks to more than the limit of ${MOST_BYTES} bytes; pack fewer meshes in it`,
+      );
+    }
+    return true;
   });
-  return files as Unpacked;
 }

@@ -39,7 +39,7 @@ def test_folders_that_cannot_be_written(tmp_path: Path) -> None:
     ("options", "reason"),
     [
         (["--model", "cups"], "no model 'cups'"),
-        (["--model", "shrec11", "--model", "shrec11"], "two models have one name"),
+        (["--model", "shrec11", "--model", "shrec11"], "with another --name"),
         (["--library", "none.parquet"], "does not exist"),
     ],
 )

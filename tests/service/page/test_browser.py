@@ -334,6 +334,18 @@ def test_meshes_of_the_library_that_are_like_it(visitor: Visitor) -> None:
     expect(visitor.at(".alike img")).to_have_count(len(SAMPLES))
 
 
+def test_a_search_that_fails_says_why(visitor: Visitor) -> None:
+    visitor.page.route("**/v1/similar*", lambda route: route.abort())
+    visitor.give(SAMPLES["lamp"])
+    visitor.classified()
+    visitor.at("#result").get_by_role("button", name="Search the library").click()
+    expect(visitor.at("#result .reason")).to_contain_text("the connection is gone")
+    visitor.page.unroute("**/v1/similar*")
+    visitor.at("#result").get_by_role("button", name="Try again").click()
+    expect(visitor.at(".alike li")).to_have_count(len(SAMPLES))
+    expect(visitor.at("#result .reason")).to_have_count(0)
+
+
 def test_samples_are_a_click_away(visitor: Visitor) -> None:
     expect(visitor.at("#sample-list img")).to_have_count(len(SHOWN))
     visitor.forget()
@@ -412,7 +424,7 @@ def test_a_file_that_is_too_large_is_not_sent(visitor: Visitor, tmp_path: Path) 
     visitor.give(path)
     expect(visitor.at(".verdict.failed")).to_have_text("This file is too large")
     expect(visitor.at("#result .reason")).to_contain_text(
-        "It has 17 MB; the most that is read is 16 MB."
+        "It has 17.8 MB; the most that is read is 16.8 MB."
     )
     assert not any("classify" in url for url in visitor.asked[before:])
 
@@ -434,7 +446,7 @@ def test_a_file_of_200_000_faces(visitor: Visitor, large_file: Path) -> None:
     session.send("Network.emulateNetworkConditions", slow)
     visitor.show_evidence()
     visitor.give(large_file)
-    expect(visitor.at(".verdict.waiting")).to_contain_text("Sending 9.5 MB … ")
+    expect(visitor.at(".verdict.waiting")).to_contain_text("Sending 10 MB … ")
     assert 0 <= float(visitor.at("#result progress").get_attribute("value") or -1) < 1
     visitor.drawn()
     visitor.classified()

@@ -18,6 +18,7 @@ from meshconv3d.service.attribution import FORMS, explain
 from meshconv3d.service.classifier import Classifier
 from meshconv3d.service.library import Library
 from tests.commands import meshconv3d
+from tests.model.loading.loading_builders import archive
 from tests.processes import until
 from tests.service.page.conftest import DESKTOP
 from tests.service.page.pixels import orange, pixels
@@ -149,7 +150,7 @@ def classifier() -> Classifier:
 def test_sizes_are_told_before_anything_large_is_loaded(visit: Static, host: Host) -> None:
     expect(visit.at("#about")).to_have_text(
         re.compile(
-            r"Runs in this browser; nothing is uploaded. Your first file loads 7.3.MB, once; "
+            r"Runs in this browser; nothing is uploaded. Your first file loads 7.6.MB, once; "
             r"a doubtful answer loads the other models, too \(\d+.kB\)."
         )
     )
@@ -234,6 +235,36 @@ def test_a_class_of_choice_is_explained(gallery: Static) -> None:
     gallery.at(".bars button").nth(2).click()
     label = str(gallery.at(".bars button").nth(2).get_attribute("data-class"))
     expect(gallery.at("#view")).to_have_attribute("data-shows", label)
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [
+        (b"PK\3\4damaged", "no whole zip archive"),
+        (
+            archive({"read me.txt": b"text"}),
+            "holds no file of a format that is read in the browser",
+        ),
+        (archive({"a.zip": b"text"}), "archives within it are not opened"),
+    ],
+)
+def test_an_archive_without_meshes_says_so(gallery: Static, content: bytes, reason: str) -> None:
+    gallery.give({"name": "none.zip", "mimeType": "", "buffer": content})
+    expect(gallery.at("#result .reason")).to_contain_text(reason)
+    gallery.at("#entries li").last.locator(".remove").click()
+
+
+def test_a_search_that_fails_says_why(gallery: Static, host: Host) -> None:
+    host.missing.append("embeddings.bin")
+    gallery.at("#entries .card").filter(has_text=SAMPLES["wolf"].name).click()
+    section = gallery.at("#result section").filter(has_text="More like this")
+    section.get_by_role("button", name="Search the library").click()
+    expect(section).to_contain_text("answers 404 for library/embeddings.bin")
+    host.missing.clear()
+    section.get_by_role("button", name="Try again").click()
+    expect(section.locator("li")).to_have_count(10)
+    expect(section).not_to_contain_text("404")
+    gallery.faults.clear()  # the browser's own line about the 404
 
 
 def test_meshes_alike_are_those_of_the_service(
