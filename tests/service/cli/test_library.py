@@ -133,7 +133,8 @@ def test_copies_of_a_file_are_grouped_whatever_is_asked_for(
 ) -> None:
     done = meshconv3d("duplicates", library, "--model", model_file, "--least", 0.999999)
     groups = [{Path(one["file"]).stem for one in json.loads(x)} for x in done.stdout.splitlines()]
-    assert {"steps", "steps_copy"} in groups
+    # Others may be the same mesh once they are prepared.
+    assert any({"steps", "steps_copy"} <= group for group in groups)
 
 
 def test_a_library_is_searched_with_the_model_that_it_was_made_with(
