@@ -23,6 +23,7 @@ from meshconv3d.model.loading import TABLE, Limits, load_mesh
 from meshconv3d.model.mesh import Mesh
 from meshconv3d.model.preparation import prepare
 from meshconv3d.model.samples import sample_paths
+from meshconv3d.service.http.app import PAGE_POLICY
 from meshconv3d.service.models import ModelFile
 
 if TYPE_CHECKING:
@@ -33,16 +34,7 @@ PAGE = Path(__file__).parent / "page"
 MARK = "meshconv3d-build"
 # That of the service, but for frames, which a page cannot forbid, and for the runtime.
 POLICY = "; ".join(
-    (
-        "default-src 'none'",
-        "script-src 'self' 'wasm-unsafe-eval'",
-        "worker-src 'self'",
-        "style-src 'self'",
-        "img-src 'self' data:",
-        "connect-src 'self' data:",  # glTF has buffers in such addresses
-        "base-uri 'none'",
-        "form-action 'none'",
-    )
+    f"{rule} 'wasm-unsafe-eval'" if rule.startswith("script-src") else rule for rule in PAGE_POLICY
 )
 # Folders of a build; what an earlier one has left in them goes.
 FOLDERS = ("assets", "library", "models", "samples")

@@ -1,30 +1,11 @@
 // What the page asks, and what it is answered: by a service (`http`), or in this browser (`local`).
 
+import type { MeshReport } from "./preparation";
+
 export interface ClassScore {
   class: string;
   probability: number;
   score: number;
-}
-
-export interface MeshReport {
-  faces_in: number;
-  faces_used: number;
-  vertices_in: number;
-  vertices_merged: number;
-  degenerate_dropped: number;
-  duplicates_dropped: number;
-  walls_dropped: number;
-  nonmanifold_edges: number;
-  vertices_split: number;
-  flipped: number;
-  components: number;
-  border_edges: number;
-  watertight: boolean;
-  resampled: "none" | "decimated" | "subdivided";
-  within_budget: boolean;
-  components_lost: number;
-  area_kept: number;
-  note: string;
 }
 
 export interface Answer {

@@ -1,6 +1,7 @@
 // What the service found, in plain words.
 
-import type { Answer, MeshReport } from "./api";
+import type { Answer } from "./api";
+import type { MeshReport } from "./preparation";
 import type { Legend } from "./entries";
 
 const whole = new Intl.NumberFormat("en", { useGrouping: true });

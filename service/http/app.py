@@ -45,20 +45,19 @@ CORS_ANSWER_HEADERS = (
 # Built from `page/`; the name of every file in `assets` changes with its content.
 PAGE = Path(__file__).parents[1] / "page"
 
+# Of the page's content security policy, what also holds without a service (`service.static_page`).
+PAGE_POLICY = (
+    "default-src 'none'",
+    "script-src 'self'",
+    "worker-src 'self'",
+    "style-src 'self'",
+    "img-src 'self' data:",
+    "connect-src 'self' data:",  # glTF has buffers in such addresses
+    "base-uri 'none'",
+    "form-action 'none'",
+)
 PAGE_HEADERS = {
-    "content-security-policy": "; ".join(
-        (
-            "default-src 'none'",
-            "script-src 'self'",
-            "worker-src 'self'",
-            "style-src 'self'",
-            "img-src 'self' data:",
-            "connect-src 'self' data:",  # glTF has buffers in such addresses
-            "base-uri 'none'",
-            "form-action 'none'",
-            "frame-ancestors 'none'",
-        )
-    ),
+    "content-security-policy": "; ".join((*PAGE_POLICY, "frame-ancestors 'none'")),
     "cross-origin-opener-policy": "same-origin",
 }
 

@@ -1,6 +1,7 @@
 // From the network's outputs to an answer, as `service.classifier` and `service.records` make it.
 
-import type { Answer, ClassScore, MeshReport, Model } from "../api";
+import type { Answer, ClassScore, Model } from "../api";
+import type { MeshReport } from "../preparation";
 
 /** The network's outputs for one mesh. scores: N_c logits. */
 export interface Outputs {
