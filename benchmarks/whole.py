@@ -2,11 +2,10 @@
 
 Takes the meshes of a folder that no training saw, or so many drawn at random, through the package's
 preparation. Of each it compares the network's indices in the whole pipeline (`meshconv3d export
---whole`) with the kernels', and the scores with the model file's, on the mesh with its vertices
-rounded to float32, as the pipeline takes them. It also tells how often that rounding changes the
-best class, and what the pipeline costs, in time of one core. With --javascript, it also tells how
-often the preparation in examples/javascript leads to the package's best class; with --page, how
-often that of the page, which reads the files itself, gives the package's mesh and its best class.
+--whole`) with the kernels', and the scores with the model file's. It also tells what the pipeline
+costs, in time of one core. With --javascript, it also tells how often the preparation in
+examples/javascript leads to the package's best class; with --page, how often that of the page,
+which reads the files itself, gives the package's mesh and its best class.
 """
 
 import argparse
