@@ -31,6 +31,17 @@ expect.set_options(timeout=60_000)
 
 
 # Not for the whole session: while Playwright runs, no other event loop can, in this thread.
+def require_page_packages(page: Path) -> None:
+    """Skip a test that runs Node.js on the page's sources where that, or a package, is missing."""
+    if shutil.which("node") is None:
+        pytest.skip("needs node")
+    if not (page / "node_modules").is_dir():
+        reason = "needs the page's packages: npm ci --prefix page"
+        if os.environ.get("CI"):
+            pytest.fail(reason)
+        pytest.skip(reason)
+
+
 @pytest.fixture(scope="module")
 def chromium() -> Iterator[tuple[Playwright, str]]:
     """Playwright, and the program of a Chromium: the system's, or one that Playwright installed."""

@@ -1,12 +1,10 @@
 """The committed page is what its source makes."""
 
 import gzip
-import os
-import shutil
 import subprocess
 from pathlib import Path
 
-import pytest
+from tests.service.page.conftest import require_page_packages
 
 ROOT = Path(__file__).parents[3]
 SOURCE, BUILT = ROOT / "page", ROOT / "service" / "page"
@@ -26,13 +24,7 @@ def files(folder: Path) -> dict[str, bytes]:
 
 
 def test_a_build_gives_the_committed_files(tmp_path: Path) -> None:
-    if shutil.which("node") is None:
-        pytest.skip("needs node")
-    if not (SOURCE / "node_modules").is_dir():
-        reason = "needs the page's packages: npm ci --prefix page"
-        if os.environ.get("CI"):
-            pytest.fail(reason)
-        pytest.skip(reason)
+    require_page_packages(SOURCE)
     done = subprocess.run(
         ["npm", "run", "build", "--", "--outDir", str(tmp_path / "built")],
         cwd=SOURCE,

@@ -3,8 +3,6 @@
 import base64
 import dataclasses
 import json
-import os
-import shutil
 import subprocess
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -22,6 +20,7 @@ from meshconv3d.model.samples import sample_paths
 from tests.hostile import HOSTILE
 from tests.meshes import cube, icosphere, moebius, sheet, soup, together, torus
 from tests.model.loading.loading_builders import SPELLINGS
+from tests.service.page.conftest import require_page_packages
 
 PAGE = Path(__file__).parents[3] / "page"
 CASES = Path(__file__).parents[4] / "shared" / "cases"
@@ -133,13 +132,7 @@ def files(folder: Path) -> dict[str, Path]:
 
 def run(paths: Mapping[str, Path]) -> Answers:
     """What the page makes of files, by their titles."""
-    if shutil.which("node") is None:
-        pytest.skip("needs node")
-    if not (PAGE / "node_modules").is_dir():
-        reason = "needs the page's packages: npm ci --prefix page"
-        if os.environ.get("CI"):
-            pytest.fail(reason)
-        pytest.skip(reason)
+    require_page_packages(PAGE)
     done = subprocess.run(
         ["node", PAGE / "prepare.js", str(BUDGET), *paths.values()],
         capture_output=True,
